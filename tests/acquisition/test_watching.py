@@ -91,6 +91,14 @@ def test_given_up_sample_has_no_sigma():
     assert watch.snapshot.sigmas == (Sigma(3, 3e-3, 4e-3),)
 
 
+def test_late_sigma_belongs_to_the_checked_samples():
+    """Samples whose check has not ended do not count; a sigma of the same samples is kept once."""
+    watch = Watch()
+    for number, unchecked in ((4, 3), (5, 4), (6, 1)):
+        watch.note(replace(step(number), unchecked=unchecked))
+    assert [sigma.samples for sigma in watch.snapshot.sigmas] == [2, 6]
+
+
 def test_latest_images_states_and_goals_are_kept():
     """Images are kept by camera, states and goals by robot, in the order of their first arrival."""
     watch = Watch()

@@ -132,7 +132,7 @@ def test_capture_ends_when_the_tolerance_is_reached(tmp_path: Path, capsys: pyte
         answer = json.loads(capsys.readouterr().out)
         assert (len(answer["captured"]), answer["reached"]) == (2, False)
         assert main([*words, "--go"]) == 0
-        assert "1.5 mm at the task point reached" in capsys.readouterr().out
+        assert "1.5 mm at the task point is reached" in capsys.readouterr().out
 
 
 def test_unready_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,7 @@ from basecal.cli.capture_plan import (
     say_plan,
     say_ways,
 )
+from basecal.cli.plan_options import PlanOptions
 from basecal.errors import InputError, UsageError
 from basecal.geometry import PoseEstimate
 from basecal.simulation import Scenario, simulate
@@ -274,7 +275,8 @@ def test_samples_come_from_pattern_file_or_interrupted_plan(monkeypatch: pytest.
 
     def made(pattern: str, samples: int | None, replanner: object = None) -> tuple[object, bool]:
         """Plan of the next samples."""
-        return capture_plan(None, sketch, tmp_path, pattern, samples, 10, replanner)  # type: ignore[arg-type]
+        planning = PlanOptions(pattern, samples=samples, seed=10)
+        return capture_plan(None, sketch, tmp_path, planning, replanner)  # type: ignore[arg-type]
 
     assert made("poses", None) == (["drawn"], True)
     assert made("poses", 4) == (["drawn"], True)
@@ -298,7 +300,7 @@ def test_another_file_is_not_the_interrupted_plan(monkeypatch: pytest.MonkeyPatc
     write_plan(goals[:2], tmp_path / "other.jsonl", tmp_path)
     monkeypatch.setattr("basecal.acquisition.capture.remaining_samples", lambda *_: goals[1:])
     sketch = SimpleNamespace(cell=simulation.cell)
-    made = partial(capture_plan, None, sketch, tmp_path, samples=None, seed=0)  # type: ignore[arg-type]
-    assert made(pattern=str(tmp_path / "same.jsonl")) == (goals[1:], False)
+    made = partial(capture_plan, None, sketch, tmp_path)  # type: ignore[arg-type]
+    assert made(PlanOptions(str(tmp_path / "same.jsonl"))) == (goals[1:], False)
     with pytest.raises(UsageError, match=r"not the interrupted plan, of which 2 samples remain: .*, or remove .*plan"):
-        made(pattern=str(tmp_path / "other.jsonl"))
+        made(PlanOptions(plan=tmp_path / "other.jsonl"))

@@ -127,9 +127,11 @@ def test_key_at_a_terminal_is_read_at_once(monkeypatch: pytest.MonkeyPatch) -> N
     ({"sigma": None}, "   4/9 sample 3: taken, 100 % of the image"),
     ({"sigma": None, "why_not": "target not seen"}, "   4/9 sample 3: not taken: target not seen"),
     ({"taken": 12, "planned": 1000, "sigma": None}, "  12/1000 sample 3: taken, 100 % of the image"),
+    ({"unchecked": 3}, "   4/9 sample 3: taken, 100 % of the image; base known to 1.0 mm and 0.057 deg "
+                       "(1 sigma, 3-D norm, after 1 sample)"),
 ])  # fmt: skip
 def test_sample_is_printed_as_a_line(changes: dict[str, object], line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The line has no sigma if the base is unobservable, and the reason if the sample was not taken."""
+    """It has no sigma if the base is unobservable, the reason if it was not taken, and the samples of a late sigma."""
     say_step(replace(step(), **changes))  # type: ignore[arg-type]
     assert capsys.readouterr().out == f"{line}\n"
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from basecal.cli import replanning as module
+from basecal.cli.plan_options import PlanOptions
 from basecal.cli.replanning import Replanner, Task, requested_task
 from basecal.errors import UsageError
 
@@ -60,7 +61,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Making:
         monkeypatch.setattr("basecal.acquisition.replanning.replanner", lambda *_: SimpleNamespace(plan=next_plan))
         sketch = SimpleNamespace(cell=None)
         task = Task([(0.5, 0.0, 0.3)], 3e-4)
-        return Replanner(None, sketch, Path("c"), task, None, most, 0), asked  # type: ignore[arg-type]
+        return Replanner(None, sketch, Path("c"), task, PlanOptions(samples=most)), asked  # type: ignore[arg-type]
 
     return make
 

@@ -28,7 +28,7 @@ class Arm:
         self.log: list[tuple[float, str]] = []
         self.safety, self.has_program = "normal", True
         self.alive_s = time.monotonic()
-        self.is_frozen = self.lies = self.sends_nan = self.crashes = self.refuses = False
+        self.is_frozen = self.lies = self.sends_nan = self.crashes = self.refuses = self.is_unwatched = False
         self.delay_s = 0.0
         self.shown = list(self.joints)
         self.lines: list[socket.socket] = []
@@ -61,7 +61,7 @@ class Arm:
                     if share == 1
                     else [at + share * (goal - at) for goal, at in zip(self.goal, self.joints, strict=True)]
                 )
-            if now - self.alive_s > WATCHDOG_S:
+            if now - self.alive_s > WATCHDOG_S and not self.is_unwatched:
                 self.halt("watchdog")
             before = now
 
@@ -135,7 +135,8 @@ class Arm:
         elif fault == "delay":
             self.delay_s = float(size)
         else:
-            setattr(self, {"freeze": "is_frozen", "lie": "lies", "nan": "sends_nan", "crash": "crashes"}[fault], True)
+            names = {"freeze": "is_frozen", "lie": "lies", "nan": "sends_nan", "crash": "crashes"}
+            setattr(self, {**names, "unwatched": "is_unwatched"}[fault], True)
 
     def mend(self) -> None:
         """Take connections again."""

@@ -21,6 +21,7 @@ class FrailArm:
         self.name, self.port = place.name, place.options["port"]
         self.reconnect_s = place.options.get("reconnect_s", 1.0)
         self.is_deaf = place.options.get("is_deaf", False)
+        self.stop_s = place.options.get("stop_s", 0.0)
         self.is_connected = True
         self.connect()
 
@@ -77,6 +78,7 @@ class FrailArm:
     def stop(self) -> None:
         if self.is_deaf:
             raise OSError("no link")
+        time.sleep(self.stop_s)
         self.tell(do="stop")
 
     def close(self) -> None:

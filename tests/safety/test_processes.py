@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -105,6 +106,18 @@ def test_arms_stop_if_any_process_dies_or_hangs(tmp_path, victim, number):
     others = {"left", "right"} - {victim}
     if number == signal.SIGKILL:
         assert all(found[name][0] < TOLD_S for name in others), found
+
+
+def test_standstill_of_all_processes_is_the_reason(tmp_path):
+    """If a frozen machine goes on, its processes name that, and neither the link of an arm nor its driver."""
+    with moving(tmp_path) as (_, capture, numbers):
+        pids = [capture.pid, *numbers["supervisor"], *numbers["arms"]]
+        for number in (signal.SIGSTOP, signal.SIGCONT):
+            for pid in pids:
+                os.kill(pid, number)
+            time.sleep(0.7)
+        _, said = capture.communicate(timeout=4)
+    assert re.search(r"DriverError: .*process .* did not run for 0\.\d s\. left and right confirmed the stop\.", said)
 
 
 def kill(pid):

@@ -24,6 +24,7 @@ from basecal.bounded_file import read_bounded
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import append_sample, parse_plan, read_plan, sample_to_dict, write_plan
 from basecal.cell.format.writing import append_durably
+from basecal.errors import count_text
 from basecal.exchange.importing.imported import recorded_samples
 from basecal.vision.detect import detect
 
@@ -51,6 +52,7 @@ class Step:
         coverage: Coverage of all samples so far.
         sigma: 3-D norms of the requested transform's sigmas [m] and [rad], as in the report; None if unobservable.
         doubts: Disagreements that were not reported before.
+        unchecked: Number of the last samples that the sigma does not include yet.
     """
 
     sample: int
@@ -60,6 +62,12 @@ class Step:
     coverage: Coverage
     sigma: tuple[float, float] | None
     doubts: tuple[Doubt, ...] = ()
+    unchecked: int = 0
+
+    @property
+    def sigma_note(self) -> str:
+        """Note about a sigma that does not include the last samples, such as ", after 12 samples"; else empty."""
+        return f", after {count_text(self.taken - self.unchecked, 'sample')}" if self.unchecked else ""
 
 
 def remaining_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
@@ -182,7 +190,7 @@ class _Progress:
         """The step of a sample that was taken, or of one that was given up for a reason."""
         waits = is_last or self._taker.settings.waits_for_check
         covered, checked = self._taker.coverage(self.taken), self._check.collect(waits)
-        return Step(sample, reason, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
+        return Step(sample, reason, len(self.taken), self.planned, covered, **vars(checked))
 
     def repeat_doubtful(self, step: Step, plan: Sequence[Sample], remaining_samples: Sequence[Sample]) -> list[Sample]:
         """The remaining plan, preceded by the doubtful samples of a step that are to be repeated."""

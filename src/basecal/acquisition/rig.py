@@ -17,7 +17,7 @@ from basecal.acquisition.images.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
 from basecal.cell import Cell, RobotState
-from basecal.errors import InputError, UsageError, spelling_hint
+from basecal.errors import DriverError, InputError, UsageError, spelling_hint
 from basecal.estimation.settings import LOG
 from basecal.planning.sketch import Sketch
 
@@ -91,8 +91,11 @@ def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterato
             rig = Rig({name: robots[name] for name in places}, cameras, motion, guarantees, stop)
             try:
                 yield rig
-            except BaseException:
+            except BaseException as error:
                 rig.stop()
+                report = supervisor[0].standstill_report if supervisor else ""
+                if report and isinstance(error, DriverError):  # such as a timeout that ran out meanwhile
+                    raise DriverError(report) from error
                 raise
         finally:
             for arms in supervisor:

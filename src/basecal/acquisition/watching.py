@@ -111,7 +111,8 @@ class Watch:
             previous = self._snapshot
             sigmas = previous.sigmas
             if step.sigma is not None and not step.why_not:
-                sigmas = (*sigmas, Sigma(step.taken, *step.sigma))
+                sigma = Sigma(step.taken - step.unchecked, *step.sigma)
+                sigmas = (*(each for each in sigmas if each.samples < sigma.samples), sigma)
             lines = (*previous.lines, result, *(doubt.message for doubt in step.doubts))[-_LINE_COUNT:]
             doubts = (*previous.doubts, *(doubt.message for doubt in step.doubts if doubt.is_lasting))
             failures = (*previous.failures, (step.sample, step.why_not)) if step.why_not else previous.failures

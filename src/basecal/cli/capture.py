@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 from basecal.cli.capture_plan import (
-    DEFAULT_SAMPLES,
     capture_plan,
     check_whole_plan,
     known_sketch,
@@ -22,7 +21,8 @@ from basecal.cli.capture_plan import (
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASK_FIRST, ConnectionOptions, allowed_rig
-from basecal.cli.option_types import Box, Point, Port, Seed, given_options, number_range, refuse_options
+from basecal.cli.option_types import Port, given_options, refuse_options
+from basecal.cli.plan_options import DEFAULT_SAMPLES, PlanOptions, store_plan_options
 from basecal.cli.replanning import Replanner, Task, requested_task
 from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import UsageError
@@ -30,7 +30,7 @@ from basecal.fields.typed_length import length_m
 from basecal.planning.patterns import PATTERNS
 
 _MOST_PLANS = 20  # largest number of plans that are tried for a task until one is accepted
-_POSES, _SHIFTS = "poses", "shifts"
+_SHIFTS = "shifts"
 _TOUCH_OPTIONS = ("--touch", "--json", "--yes", "--allow-plaintext")
 _GUIDED_OPTIONS = (*_TOUCH_OPTIONS, "--freedrive", "--samples", "--more", "--stop-on-disagreement", "--web", "--port")
 _MOST_SPEED_M_S = 2.0  # largest speed limit of any point of an arm
@@ -79,6 +79,7 @@ class MotionOptions:
         return SpeedLimits(radians(self.speed_limit_deg_s), tool_m_s)
 
 
+_DEFAULT_PLAN = PlanOptions()
 _DEFAULT_MOTION = MotionOptions()
 
 
@@ -86,19 +87,13 @@ def capture(
     cell: Path,
     /,
     *,
-    pattern: str = _POSES,
-    plan: Path | None = None,
-    task_point: Point | None = None,
-    task_box: Box | None = None,
-    tolerance: str | None = None,
-    samples: Annotated[int | None, number_range(1, 10_000)] = None,
+    planning: PlanOptions = _DEFAULT_PLAN,
     go: bool = False,
     freedrive: bool = False,
     dry_run: bool = False,
     more: bool = False,
     moving: MotionOptions = _DEFAULT_MOTION,
     connecting: ConnectionOptions = ASK_FIRST,
-    seed: Seed = 0,
     stop_on_disagreement: bool = False,
     web: bool = False,
     port: Port = 0,
@@ -109,8 +104,9 @@ def capture(
     The drivers of robots and cameras are stated in cell.yaml
     (docs/data_format.md); their connections are confirmed once. Begin with the
     target in the image. Without --go nothing moves: the plan is printed. Ctrl-C
-    stops the arms. The same command continues an interrupted capture. It
-    does not repeat a finished capture; --more records additional samples.
+    stops the arms. The same command continues an interrupted capture; options
+    of another plan are refused. It does not repeat a finished capture; --more
+    records additional samples.
 
     With --tolerance and --task-point the plan is updated after each sample, until
     95 % of errors at the task are expected below the tolerance. Samples that
@@ -144,42 +140,35 @@ def capture(
 
     Args:
         cell: Folder of the cell.
-        pattern: poses (varied poses), shifts (the paper's), or a file of samples with the robot states to record at.
-        plan: File of samples to record, from `basecal plan -o`; the same as --pattern FILE. With --tolerance its
-            samples are candidates in addition to others.
-        task_point: Task position x y z [m] in the reference robot's base.
-        task_box: Task volume, by two opposite corners, instead of a point.
-        tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors at the task must be.
-        samples: Number of samples, 25 by default; shifts are rounded up to whole stations of seven. With --tolerance
-            the largest number, 60 by default.
+        planning: Where samples are taken, and how many.
         go: Move the arms.
         freedrive: Take samples while a person guides the arms by hand.
         dry_run: Check the whole plan as --go does, ask the controllers, and print each motion; nothing moves.
         more: Record additional samples after a finished plan.
         moving: Limits of the motion of arms.
         connecting: Connections that the cell may make.
-        seed: Seed of the plan.
         stop_on_disagreement: Wait for the check of each sample, and end the capture at a lasting disagreement.
         web: Also show the capture as a page, on this machine only, with a button that stops all arms.
         port: Port of the page; 0 selects a free one.
         json: Print the captured samples as JSON.
     """
-    task = _check_options(task_point, task_box, tolerance, pattern, given_options(capture, locals()))
+    task = _check_options(planning, given_options(capture, locals()))
     if moving.touch:
         return capture_touches(cell, connecting, json)
-    sketch, count, limits = known_sketch(cell, freedrive), samples or DEFAULT_SAMPLES, moving.limits
+    sketch, limits = known_sketch(cell, freedrive), moving.limits
+    guided_count = (planning.samples or DEFAULT_SAMPLES) if freedrive else None
     with ExitStack() as contexts, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         chosen: Sequence[Sample] = ()
-        replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
+        replanner = Replanner(rig, sketch, cell, task, planning) if task and planning.pattern != _SHIFTS else None
         if not freedrive:
-            chosen, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), samples, seed, replanner, task, more)
+            chosen, is_new = capture_plan(rig, sketch, cell, planning, replanner, task, more)
             chosen = _check_capture(rig, sketch, chosen, is_new, moving, replanner, go=go, dry_run=dry_run, quiet=json)
             if not go:
                 return _report_plan(cell, chosen, json)
-            chosen = _store_plan(cell, sketch, chosen, is_new)
+            chosen = _store_plan(cell, sketch, chosen, is_new, planning)
         view = contexts.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
         taker = _taker(rig, sketch, cell, limits, view, stop_on_disagreement)
-        steps = _take_samples(taker, chosen, count if freedrive else None, replanner, view, stop_on_disagreement)
+        steps = _take_samples(taker, chosen, guided_count, replanner, view, stop_on_disagreement)
         view.watch.end(_outcome(steps, replanner, f"basecal calibrate {quote_path(cell)}"))
     return _summarise(cell, steps, replanner, json)
 
@@ -223,13 +212,7 @@ def _check_capture(
     return plan
 
 
-def _check_options(
-    task_point: Point | None,
-    task_box: Box | None,
-    tolerance: str | None,
-    pattern: str,
-    options: Sequence[str],
-) -> Task | None:
+def _check_options(planning: PlanOptions, options: Sequence[str]) -> Task | None:
     """Check the combination of options and return the task; None if there is none.
 
     Raises:
@@ -239,10 +222,12 @@ def _check_options(
         refuse_options(options, _TOUCH_OPTIONS, "--touch only records touches, as many as are typed")
     if "--freedrive" in options:
         refuse_options(options, _GUIDED_OPTIONS, "--freedrive moves no arm, a person does")
-    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
-    if task is not None and pattern not in PATTERNS:
+    task = requested_task(
+        planning.task_point, planning.task_box, planning.tolerance, may_be_open=planning.pattern == _SHIFTS
+    )
+    if task is not None and planning.pattern not in (None, *PATTERNS):
         raise UsageError("a task determines where arms move: leave files of --pattern out, or give them by --plan")
-    if "--plan" in options and pattern != _POSES:
+    if "--plan" in options and "--pattern" in options:
         raise UsageError("--plan and --pattern both determine the samples: give only one of them")
     if "--dry-run" in options and "--go" in options:
         raise UsageError("--dry-run moves nothing: leave --go out")
@@ -261,7 +246,8 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
 
     sketch = sketch_cell(read_cell(folder))  # not of an earlier run, so that samples are the same each time
     with open_rig(sketch.cell, folder) as rig:
-        plan = _store_plan(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
+        planning = PlanOptions(pattern, samples=samples)
+        plan = _store_plan(folder, sketch, *capture_plan(rig, sketch, folder, planning), planning)
         limits = SpeedLimits(radians(speed_deg_s), inf)  # simulated arms need no limit of the tool's speed
         yield from captured(_taker(rig, sketch, folder, limits, None), plan)
 
@@ -292,10 +278,16 @@ def _take_samples(
     return steps
 
 
-def _store_plan(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool) -> Sequence[Sample]:
+def _store_plan(
+    folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool, planning: PlanOptions
+) -> Sequence[Sample]:
+    """Store a new plan after the options that it was made with."""
     from basecal.acquisition.capture import store_plan
 
-    return store_plan(folder, sketch.cell, plan) if is_new else plan
+    if not is_new:
+        return plan
+    store_plan_options(folder, planning)
+    return store_plan(folder, sketch.cell, plan)
 
 
 def _taker(
@@ -354,7 +346,9 @@ def _summarise(cell: Path, steps: Sequence[Step], replanner: Replanner | None, j
     taken = {step.sample for step in steps if not step.why_not}
     if json:
         last = steps[-1] if steps else None
-        sigma = None if last is None or last.sigma is None else {"t_m": last.sigma[0], "r_rad": last.sigma[1]}
+        sigma = None
+        if last is not None and last.sigma is not None:
+            sigma = {"t_m": last.sigma[0], "r_rad": last.sigma[1], "samples": last.taken - last.unchecked}
         print_json(
             {
                 "cell": str(cell),

@@ -7,6 +7,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from basecal.cli.plan_options import DEFAULT_SAMPLES, DEFAULTS, PlanOptions, refuse_other_options
 from basecal.cli.terminal import say
 from basecal.errors import InputError, UsageError, count_text
 from basecal.planning.patterns import PATTERNS
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from basecal.planning.sketch import Sketch
 
 _CELL = "cell.yaml"
-DEFAULT_SAMPLES = 25
 _SHOWN_REFUSALS = 20  # printed refusals, one per line
 
 
@@ -60,32 +60,37 @@ def capture_plan(
     rig: Rig,
     sketch: Sketch,
     folder: Path,
-    pattern: str,
-    samples: int | None,
-    seed: int,
+    planning: PlanOptions,
     replanner: Replanner | None = None,
     task: Task | None = None,
     allows_more: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
-    """The rest of an interrupted plan, or a new plan, and whether it is new."""
+    """The rest of an interrupted plan, or a new plan, and whether it is new.
+
+    Raises:
+        UsageError: if the given options are not those of the interrupted plan.
+    """
     from basecal.acquisition.capture import remaining_samples
     from basecal.acquisition.rig import starting_states
     from basecal.cli.replanning import shifts_for_task
 
     if replanner is not None:
         return replanner.samples, True
+    pattern = str(planning.plan or planning.pattern or DEFAULTS["--pattern"])
     file = None if pattern in PATTERNS else _plan_of_file(pattern, folder, sketch.cell)
     remaining = remaining_samples(folder, sketch.cell)
     if remaining:
         _refuse_other_plan(file, folder, sketch.cell, len(remaining))
+        if file is None:
+            refuse_other_options(planning, folder, len(remaining))
         return remaining, False
-    count = samples or DEFAULT_SAMPLES
-    seed += _finished_count(folder, sketch, count, allows_more)
+    count = planning.samples or DEFAULT_SAMPLES
+    seed = (planning.seed or 0) + _finished_count(folder, sketch, count, allows_more)
     if file is not None:
         return file, True
     home = starting_states(rig, sketch)
     if task is not None:
-        max_count = count if task.tolerance_m is None else samples
+        max_count = count if task.tolerance_m is None else planning.samples
         return shifts_for_task(task, sketch.cell, folder, home, max_count, seed), True
     return PATTERNS[pattern](sketch, home, count, seed), True
 

@@ -111,7 +111,9 @@ def say_step(step: Step) -> None:
     """Print the result of a sample."""
     from basecal.reporting.statement.verdict import error_text
 
-    sigma = "" if step.sigma is None else f"; base known to {error_text(*step.sigma)} (1 sigma, 3-D norm)"
+    sigma = (
+        "" if step.sigma is None else f"; base known to {error_text(*step.sigma)} (1 sigma, 3-D norm{step.sigma_note})"
+    )
     result = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the image"
     advice = step.coverage.advice(step.taken)
     say(f"{step.taken:4d}/{step.planned} sample {step.sample}: {result}{sigma}{'; ' + advice if advice else ''}")

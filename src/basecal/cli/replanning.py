@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from basecal.acquisition.rig import Rig
     from basecal.cell import Cell, RobotState, Sample
+    from basecal.cli.plan_options import PlanOptions
     from basecal.planning.sketch import Sketch
 
 
@@ -61,9 +62,7 @@ class Replanner:
         samples: The remaining samples.
     """
 
-    def __init__(
-        self, rig: Rig, sketch: Sketch, folder: Path, task: Task, plan: Path | None, max_count: int | None, seed: int
-    ) -> None:
+    def __init__(self, rig: Rig, sketch: Sketch, folder: Path, task: Task, planning: PlanOptions) -> None:
         import numpy as np
 
         from basecal.acquisition.capture import abandoned_samples
@@ -75,10 +74,11 @@ class Replanner:
         home = starting_states(rig, sketch)
         assert task.tolerance_m is not None
         self._recorded = recorded = recorded_samples(folder, sketch.cell)
-        candidates = () if plan is None else read_plan(plan, folder, sketch.cell)
+        candidates = () if planning.plan is None else read_plan(planning.plan, folder, sketch.cell)
         self.tolerance_m = task.tolerance_m
-        self._recorded_count, self._max_count = len(recorded), max_count or MOST_SAMPLES
+        self._recorded_count, self._max_count = len(recorded), planning.samples or MOST_SAMPLES
         points = np.array(task.points_m)
+        seed = planning.seed or 0
         self._replanner = replanner(sketch.cell, recorded, home, points, task.tolerance_m, candidates, seed)
         self._excluded = [*abandoned_samples(folder, sketch.cell)]
         self.samples = self(recorded, self._excluded)

@@ -83,10 +83,15 @@ def test_many_late_images_are_warning():
     ],
 )
 def test_five_delays_are_listed(count: int, words: str) -> None:
-    """The first five delays are listed as late or early, to a millisecond; more images end in an ellipsis."""
+    """The first five delays are listed as late or early, with two digits; more images end in an ellipsis."""
     late = [_Late(10 + k, 0.03 - 0.02 * k) for k in range(count)]
     assert words in _problem_sentence("wrist", late)
     assert ("..." in _problem_sentence("wrist", late)) == (count > 5)
+
+
+def test_short_delays_have_two_digits() -> None:
+    """A fast motion shows delays below a millisecond, which are not zero."""
+    assert "(0.42 ms late, 8.3 ms early)" in _problem_sentence("wrist", [_Late(1, 4.2e-4), _Late(2, -8.3e-3)])
 
 
 MOTION = np.array([0.1, -0.2, 0.05, 0.3, 0.1, -0.2])  # motion of a camera relative to its target per second

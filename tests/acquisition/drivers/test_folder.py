@@ -122,6 +122,21 @@ def test_first_file_that_is_no_image_is_reported_soon(folder, monkeypatch):
     assert time.monotonic() - began < 5.0
 
 
+def test_unreadable_files_are_not_remembered_after_the_first_image(folder):
+    """A file that is rewritten for hours needs no memory."""
+    source = camera(folder, wait_s=0.01)
+    save(folder, 60)
+    source.image()
+    remembered = len(source._unreadable_s)
+    for k in range(5):
+        path = folder / "images" / "half.png"
+        path.write_text("x", encoding="utf-8")
+        os.utime(path, (time.time() + k, time.time() + k))
+        with pytest.raises(DriverError, match=r"half\.png is not an image"):
+            source.image()
+    assert len(source._unreadable_s) == remembered
+
+
 def test_missing_folder_is_reported(tmp_path):
     """The error has the field of the folder."""
     with pytest.raises(DatasetError, match=r"cameras\.wrist\.driver\.path: there is no folder"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from dataclasses import replace
@@ -142,6 +143,28 @@ def test_late_images_of_stamped_cameras_are_reported(opened):
     assert image.exposed_s == pytest.approx(image.stamp_s + 1000.0 - 2.0, abs=0.1)
 
 
+def test_many_late_images_are_one_note(opened):
+    """Copies of old images between new ones are counted, and the count starts again with each report."""
+
+    class Copying(Film):
+        is_stamped = True
+
+        def image(self):
+            came = super().image()
+            late_s = 60.0 if self.asked % 2 else 0.0
+            return CameraImage(came.stamp_s - late_s, came.grey, source=f"{self.asked}.png")
+
+    film = Copying(0.002)
+    feed = opened(film)
+    for _ in range(2):
+        asked = film.asked + 40
+        while film.asked < asked:
+            time.sleep(0.01)
+        note = feed.image().note
+        count = int(re.fullmatch(r"camera wrist: (\d+) images came .*; not used\. The last is \d+\.png", note)[1])
+        assert 15 < count < 40
+
+
 def test_clock_that_goes_back_is_reported(opened, monkeypatch):
     """Images that stay older are no copies; until this is certain, the last ones are reported."""
 
@@ -154,7 +177,10 @@ def test_clock_that_goes_back_is_reported(opened, monkeypatch):
 
     feed = opened(SteppedBack())
     feed.image()
-    with pytest.raises(DriverError, match=r"no image came within 0\.3 s; .*\d\.png came after a newer one; not used$"):
+    with pytest.raises(
+        DriverError,
+        match=r"no image came within 0\.3 s; .* \d+ images came after newer ones; not used\. The last is \d+\.png$",
+    ):
         feed.image()
     monkeypatch.setattr("basecal.acquisition.images.feed._LATE_S", 0.1)
     with pytest.raises(DriverError, match=r"^wrist: the last \d+ images are older .* The clock of the camera went"):
@@ -280,7 +306,7 @@ def unread(arms=None, **fields):
     """Feed without a thread, with an image every tenth of a second."""
     feed = CameraFeed.__new__(CameraFeed)
     feed._name, feed._arms, feed._changed = "wrist", arms or ArmMotion(), threading.Condition()
-    feed._latencies, feed._reported, feed._notes = {}, None, []
+    feed._latencies, feed._reported, feed._notes, feed._late_count = {}, None, [], 0
     feed._waits_s, feed._late_s, feed._last_s, feed._is_stamped = [], [], -np.inf, True
     feed._camera, feed._requested_light = SimpleNamespace(is_live=True), None
     feed._began_s, feed._arrivals = time.monotonic() - 9.0, []
@@ -336,7 +362,8 @@ def test_three_older_images_in_two_seconds_mean_a_clock_step(monkeypatch, times_
             feed._is_outdated(late, 0.1)
     else:
         assert feed._is_outdated(late, 0.1)
-        assert feed._notes[-1] == "camera wrist: a.png came after a newer one; not used"
+        assert feed._late_count == len(times_s)
+        assert feed._late_source == "a.png"
         assert not feed._is_outdated(SimpleNamespace(stamp_s=5.0), 0.1)
         assert feed._late_s == []
 

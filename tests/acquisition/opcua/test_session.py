@@ -8,7 +8,9 @@ import subprocess
 import sys
 import textwrap
 import threading
+import time
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 
 import pytest
 from pydantic import ValidationError
@@ -36,6 +38,20 @@ def test_missing_value_is_reported(opcua_robot):
         read.read()
     opcua_robot.tell("reset")
     assert len(read.read().numbers) == 6
+    read.close()
+
+
+def test_values_without_stamps_follow_a_steady_clock(opcua_robot, monkeypatch):
+    """A step of this computer's clock makes no value older than the last one; the stamp is near UTC."""
+    read = session(opcua_robot.port)
+    values = [
+        replace(each, SourceTimestamp=None, ServerTimestamp=None) for each in read._client.read_attributes(read.nodes)
+    ]
+    monkeypatch.setattr(read._client, "read_attributes", lambda nodes: values)
+    first = read.read()
+    assert first.stamp_s == pytest.approx(time.time(), abs=5.0)
+    monkeypatch.setattr(time, "time", lambda: first.stamp_s - 3600.0)
+    assert first.stamp_s < read.read().stamp_s < first.stamp_s + 5.0
     read.close()
 
 

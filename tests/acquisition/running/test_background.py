@@ -41,10 +41,12 @@ def test_capture_does_not_wait_for_a_slow_check(monkeypatch):
         began = time.monotonic()
         for sample in samples:
             check.add(sample)
-        assert check.collect().doubts == ()
+        early = check.collect()
+        assert (early.doubts, early.unchecked) == ((), 3)
         assert time.monotonic() - began < 5
         check._check.go.set()
-        assert [doubt.sample for doubt in check.collect(waits=True).doubts] == [0, 1, 2]
+        late = check.collect(waits=True)
+        assert ([doubt.sample for doubt in late.doubts], late.unchecked) == ([0, 1, 2], 0)
         assert check.collect(waits=True).doubts == ()
 
 

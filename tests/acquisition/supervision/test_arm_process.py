@@ -185,16 +185,44 @@ def test_closed_connection_stops_the_arm(served, monkeypatch):
     assert process._call_driver(robot, "move", (GOAL, 1.0)) is None
 
 
-def test_silent_supervisor_stops_the_arm(served):
-    """Without a heartbeat for 0.4 s the arm is stopped."""
-    process, robot, _ = served
-    process._check_timeouts(time.monotonic() + 0.9 * HANG_LIMIT_S)
-    assert robot.stops == 0
-    process._check_timeouts(time.monotonic() + 1.1 * HANG_LIMIT_S)
+def wait_for_stop(robot):
+    """Wait until the robot is stopped."""
     until = time.monotonic() + 2
     while not robot.stops and time.monotonic() < until:
         time.sleep(0.01)
     assert robot.stops == 1
+
+
+def test_silent_supervisor_stops_a_moving_arm(served):
+    """Without a heartbeat for 0.4 s it is stopped, and so are the others once the supervisor runs again."""
+    process, robot, heard = served
+    process._check_timeouts(time.monotonic() + 1.1 * HANG_LIMIT_S)
+    process._call_driver(robot, "move", (GOAL, 1.0))
+    process._check_timeouts(time.monotonic() + 0.9 * HANG_LIMIT_S)
+    assert (robot.stops, troubles(heard)) == (0, [])
+    process._check_timeouts(time.monotonic() + 1.1 * HANG_LIMIT_S)
+    wait_for_stop(robot)
+    assert troubles(heard) == ["the process that supervises the arms was silent for 0.4 s, while they moved"]
+
+
+@pytest.mark.parametrize(("moves", "gap_s", "is_reported"), [
+    (False, 9.0, False), (False, 11.0, True), (True, 0.2, False), (True, 0.7, True),
+])  # fmt: skip
+def test_process_that_did_not_run_is_the_reason(served, moves, gap_s, is_reported):
+    """Its arm is stopped after ten seconds at rest, after 0.4 s in a motion: it cannot judge link and driver."""
+    process, robot, heard = served
+    if moves:
+        process._call_driver(robot, "move", (GOAL, 1.0))
+    process._standstill._cycle_s -= gap_s
+    process._check_standstill()
+    process._check_standstill()
+    assert len(troubles(heard)) == is_reported
+    assert process._must_stop == is_reported
+    process._standstill._cycle_s -= gap_s
+    process._report("left: its link is lost")
+    assert troubles(heard) == [
+        f"left: the process of its driver did not run for {gap_s:.1f} s" if is_reported else "left: its link is lost"
+    ]
 
 
 @pytest.mark.parametrize("is_ordered_before", [True, False])
@@ -211,10 +239,22 @@ def test_arm_is_stopped_before_it_is_closed(served, monkeypatch, is_ordered_befo
     assert orders == ["stop", "close", "exit"]
 
 
+def test_request_that_waits_at_the_end_is_not_executed(served, monkeypatch):
+    """If the supervisor ends right after it passed a motion on, the motion does not begin."""
+    process, robot, _ = served
+    moves = []
+    monkeypatch.setattr(arm_process.os, "_exit", lambda code: None)
+    robot.move, robot.close = lambda to, speed_rad_s: moves.append(to), lambda: None
+    process._end()
+    assert process._call_driver(robot, "move", (GOAL, 1.0)) is None
+    assert moves == []
+
+
 def test_option_that_is_no_number_is_an_error(served, monkeypatch):
     """The arm does not open, and the waiting caller gets the reason."""
     process, robot, heard = served
-    monkeypatch.setattr(arm_process, "_open_robot", lambda place: robot)
+    monkeypatch.setattr(arm_process, "_find_driver", lambda place: None)
+    monkeypatch.setattr(arm_process, "_open_robot", lambda kind, place: robot)
     place = Place("left", Cell("left", {"left": Robot("left")}), Path("."), {"reconnect_s": "soon"})
     process._open(pickle.dumps((place, sys.path)))
     (frame,) = heard.receive()

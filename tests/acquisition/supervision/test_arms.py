@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import signal
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.acquisition.driver import ChecksGoals, Freedrives, Moves
+from basecal.acquisition.driver import ChecksGoals, Freedrives, Moves, Reading
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.supervision import arms
 from basecal.acquisition.supervision.arms import stop_report
+from basecal.acquisition.supervision.frames import Frame, Kind
+from basecal.acquisition.supervision.standstill import Standstill
 from basecal.cell import Cell, Driver, Robot, RobotState
 from basecal.errors import DatasetError, DriverError
 from safety.installed_driver import installed_driver
@@ -115,6 +119,48 @@ def test_unconfirmed_stop_is_reported(frail, caplog):
     assert caplog.messages == ["left did not confirm a stop: look at the arm"]
 
 
+def test_slow_stop_without_a_watchdog_is_not_cut_off(tmp_path):
+    """Nothing else stops such an arm: its process is not killed after 0.3 s, before the stop is sent."""
+    module = tmp_path / "slow.py"
+    driver = (TESTS / "safety" / "frail_driver.py").read_text()
+    module.write_text(driver.replace('"watchdog"', '"none"').replace("def keep_alive", "def _keep_alive"))
+    with (
+        installed_driver(tmp_path / "packages", "slow", module),
+        second_process("safety.frail_controllers") as controllers,
+    ):
+        controllers.tell("fail", "left", "unwatched")
+        options = {"port": json.loads(controllers.tell("ports"))["left"], "stop_s": 0.45}
+
+        def move_and_fail(robot):
+            robot.state()
+            robot.move(RobotState(joints_rad=np.full(6, 3.0)), 0.3)
+            raise ValueError("first")
+
+        cell = Cell("left", {"left": Robot("left", driver=Driver("slow", options))})
+        with pytest.raises(ValueError, match=r"^first$"), open_rig(cell, Path(".")) as rig:
+            move_and_fail(rig.robots["left"])
+        assert json.loads(controllers.tell("moving")) == []
+
+
+def test_arm_that_is_only_read_confirms_no_stop(frail, tmp_path):
+    """Another program may move it, which goes on."""
+    module = tmp_path / "watched.py"
+    driver = (TESTS / "safety" / "frail_driver.py").read_text()
+    module.write_text(driver.replace("def move", "def _move").replace("def stop", "def _stop"))
+    with installed_driver(tmp_path / "packages", "watched", module):
+        watched = replace(frail["right"], driver=Driver("watched", frail["right"].driver.options))
+
+        def press_stop(rig):
+            rig.request_stop("Stop was pressed")
+            time.sleep(5)
+
+        with (
+            pytest.raises(DriverError, match=r"^Stop was pressed\. left confirmed the stop\. Find the cause"),
+            open_rig(Cell("left", {**frail, "right": watched}), Path(".")) as rig,
+        ):
+            press_stop(rig)
+
+
 def test_request_after_an_interrupt_does_not_hide_it(frail):
     """A late request, such as the end of freedrive, raises no other error than Ctrl-C."""
 
@@ -144,6 +190,36 @@ def test_state_before_a_silence_is_not_returned(frail):
 
         with pytest.raises(DriverError, match="left: no state came"), open_rig(Cell("left", left), Path(".")) as rig:
             fall_silent(rig.robots["left"])
+
+
+def test_state_from_before_a_standstill_is_not_returned():
+    """States that waited in the pipe while the capture did not run are old: no motion begins from them."""
+    proxied = arms.Arms.__new__(arms.Arms)
+    proxied._changed, proxied._readings, proxied._reason = threading.Condition(), {}, ""
+
+    def receive(read_s):
+        reading = Reading(read_s, RobotState(joints_rad=np.zeros(6)))
+        proxied._handle(Frame(Kind.READING, 0, pickle.dumps((read_s, reading))))
+
+    began_s = time.monotonic()
+    receive(began_s - 45.0)
+    threading.Timer(0.2, lambda: receive(time.monotonic())).start()
+    count, reading = proxied.wait_for_newer(0, 0)
+    assert count == 2
+    assert reading.stamp_s > began_s
+
+
+def test_capture_that_did_not_run_is_the_reason(frail, monkeypatch):
+    """Not a timeout that ran out meanwhile; the arms are stopped."""
+
+    def stand_still(robot):
+        robot.state()
+        monkeypatch.setattr(Standstill, "duration_s", 45.0)
+        raise DriverError("wrist: no image came within 10 s")
+
+    words = r"^the capture did not run for 45\.0 s\. left and right confirmed the stop\. "
+    with pytest.raises(DriverError, match=words), open_rig(Cell("left", frail), Path(".")) as rig:
+        stand_still(rig.robots["left"])
 
 
 def test_reason_lists_confirmed_and_unconfirmed_stops():

@@ -25,6 +25,19 @@ def test_signals_interrupt_and_are_written_to_the_pipe(number):
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
+def test_ignored_ctrl_c_is_not_ignored_while_arms_are_open():
+    """A shell makes commands in the background of a script ignore it; afterwards it is ignored again."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with routed_signals(lambda: "") as read_fd:
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            assert os.read(read_fd, 8) == bytes([signal.SIGINT])
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def test_main_thread_can_be_interrupted():
     """Another thread interrupts a wait with a reason; without a reason there is no effect."""
     why = [""]

@@ -9,11 +9,13 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 
-from basecal.acquisition.supervision.frames import Channel, Kind
+from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import CLOSE_S, STOP_S
+from basecal.acquisition.supervision.supervisor import Supervisor
 
 pytestmark = pytest.mark.timed
 
@@ -70,6 +72,28 @@ def test_signals_work_without_the_capture():
         os.write(write_fd, bytes([signal.SIGTERM]))
         said, _ = event(channel)
     assert (said["reason"], said["by_signal"]) == ("SIGTERM", True)
+
+
+def test_states_do_not_fill_the_link_to_a_capture_that_does_not_read():
+    """Those for which the pipe has no room are left out, so that the capture receives the next report."""
+    read_fd, write_fd = os.pipe()
+    idle_fd, hold_fd = os.pipe()
+    capture, supervised = Channel(read_fd, hold_fd), Supervisor.__new__(Supervisor)
+    supervised._parent = Channel(idle_fd, write_fd)
+    state = Frame(Kind.READING, 0, bytes(2**14))
+    for _ in range(1000):
+        supervised._handle_report(SimpleNamespace(heard_s=0.0, number=0), state)
+    supervised._parent.send(Kind.EVENT, b"{}")
+    frames = []
+    while supervised._parent.has_unsent or not frames:
+        frames += capture.receive()
+        supervised._parent.flush()
+    frames += capture.receive()
+    assert frames[0] == state
+    assert frames[-1].kind == Kind.EVENT
+    assert len(frames) < 20
+    for channel in (capture, supervised._parent):
+        channel.close()
 
 
 def test_supervisor_ends_with_the_capture():

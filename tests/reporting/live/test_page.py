@@ -202,6 +202,7 @@ def test_tiles_show_known_quantities():
         ("7 of 25", "samples taken"),
         (f"{100 * coverage.share:.0f} %", "of the image covered"),
     ]
+    assert tiles(step=replace(step, unchecked=2))[0][1] == "1 sigma (3-D norm) of the base, after 5 samples"
     assert len(tiles(step=replace(step, sigma=None))) == 2
     assert len(tiles(errors=((5, 8e-4),), tolerance_m=5e-4)) == 1
     assert tiles(errors=((5, 8e-4),)) == tiles(tolerance_m=5e-4) == []

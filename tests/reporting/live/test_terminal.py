@@ -65,6 +65,8 @@ def test_sigma_column_has_conditional_header():
     assert "base" in print_view(replace(watch.snapshot, sigmas=(Sigma(1, 1e-3, 1e-3),)))
     assert sigma_row([Sigma(k, 1e-3, 1e-3) for k in range(41)]).split("\n")[0] == "▁" * 40
     assert sigma_row([]) == "not all directions\nare observed yet"
+    assert sigma_row([Sigma(5, 1e-3, 1e-3)], 5).endswith("(1 sigma, 3-D norm)")
+    assert sigma_row([Sigma(5, 1e-3, 1e-3)], 12).endswith("(1 sigma, 3-D norm, after 5 samples)")
     half = sigma_row([Sigma(0, 1e-3, 1e-3), Sigma(1, 1e-3 * np.exp(0.5), 1e-3), Sigma(2, 1e-3 * np.e, 1e-3)])
     assert half[:3] in ("▁▄█", "▁▅█")
     assert half[3] == "\n"

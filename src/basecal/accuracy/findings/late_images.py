@@ -10,6 +10,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.outlier_samples import FEW_SHARE
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
+from basecal.fields.digits import two_digits
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 # Share of a view's squared residual that a time offset explains: with residuals in six random directions, 1 in 900
@@ -72,7 +73,8 @@ def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_L
 def _problem_sentence(camera: str, late: list[_Late]) -> str:
     is_single = len(late) == 1
     delays = ", ".join(
-        f"{1e3 * abs(each.delay_s):.0f} ms {'late' if each.delay_s > 0 else 'early'}" for each in late[:_SHOWN_IMAGES]
+        f"{two_digits(1e3 * abs(each.delay_s))} ms {'late' if each.delay_s > 0 else 'early'}"
+        for each in late[:_SHOWN_IMAGES]
     )
     more = ", ..." if len(late) > _SHOWN_IMAGES else ""
     images = "An image" if is_single else f"{len(late)} images"

@@ -70,7 +70,8 @@ class FolderCamera:
                     self._has_given = True
                     return CameraImage(1e-9 * written_ns, grey, source=path.name)
                 reason = f"; {path.name} {grey}"
-                self._check_first(written_ns, path, grey)
+                if not self._has_given:
+                    self._check_first(written_ns, path, grey)
             if time.monotonic() >= deadline_s:
                 raise DriverError(f"no new image in {self._folder} within {self.wait_s:g} s{reason}")
             time.sleep(_POLL_S)
@@ -79,10 +80,10 @@ class FolderCamera:
         """Check that a file becomes a readable image in time, before the first image was returned.
 
         Raises:
-            DriverError: if no image was returned yet, and an unreadable file has not changed for five seconds.
+            DriverError: if an unreadable file has not changed for five seconds.
         """
         since_s = self._unreadable_s.setdefault((written_ns, path), time.monotonic())
-        if not self._has_given and time.monotonic() - since_s > _WRITING_S:
+        if time.monotonic() - since_s > _WRITING_S:
             raise DriverError(f"{path} {problem}. Save complete images, as PNG, JPEG or TIFF")
 
     def _new_files(self) -> Iterator[tuple[int, Path]]:

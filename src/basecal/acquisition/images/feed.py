@@ -45,6 +45,7 @@ class CameraFeed:
         self._changes: deque[float] = deque(maxlen=_CHANGES)  # mean change of brightness between consecutive images
         self._last_s = -np.inf
         self._late_s: list[float] = []  # arrivals of later images with older timestamps
+        self._late_count, self._late_source = 0, ""  # such images that are not reported yet, and the last one
         self._notes: list[str] = []
         self._newest: tuple[CameraImage, float] | None = None
         self._requested_light: bool | None = None  # requested state: only the thread calls the driver
@@ -75,8 +76,18 @@ class CameraFeed:
             (image, arrived_s), self._newest = self._newest, None
             arrivals = np.array(self._arrivals)
         exposed_s = arrived_s - self._latency_s(arrivals)
-        note, self._notes = "; ".join(self._notes), []
-        return replace(image, exposed_s=exposed_s, note=note)
+        notes, self._notes = [*self._notes, *self._late_notes()], []
+        self._late_count = 0
+        return replace(image, exposed_s=exposed_s, note="; ".join(notes))
+
+    def _late_notes(self) -> list[str]:
+        """A note about the late images that are not reported yet; empty if there are none."""
+        if not self._late_count:
+            return []
+        if self._late_count == 1:
+            return [f"camera {self._name}: {self._late_source} came after a newer one; not used"]
+        many = f"{self._late_count} images came after newer ones; not used. The last is {self._late_source}"
+        return [f"camera {self._name}: {many}"]
 
     def close(self) -> None:
         """Close the camera; a driver that hangs stays open until the process ends."""
@@ -97,7 +108,7 @@ class CameraFeed:
         wait_s = getattr(self._camera, "wait_s", _IMAGE_TIMEOUT_S)
         with self._changed:
             if not self._changed.wait_for(lambda: is_done() or self._error is not None, wait_s):
-                late = "".join(f". {note}" for note in self._notes[-_LATE:])
+                late = "".join(f". {note}" for note in self._late_notes())
                 raise DriverError(f"{self._name}: no image came within {wait_s:g} s; check its cable and program{late}")
             if not is_done() and self._error is not None:
                 raise self._error
@@ -151,7 +162,7 @@ class CameraFeed:
                 f"{self._name}: the last {len(self._late_s)} images are older than the one before them. "
                 f"The clock of the camera went back: start the capture again"
             )
-        self._notes.append(f"camera {self._name}: {image.source or 'an image'} came after a newer one; not used")
+        self._late_count, self._late_source = self._late_count + 1, image.source or "an image"
         return True
 
     def _add(self, image: CameraImage, has_moved: bool, now_s: float) -> None:

@@ -21,6 +21,7 @@ from basecal.geometry import Array
 _ANSWER_S = 4.0  # timeout of requests; the login to some servers is slow
 _LIBRARIES = ("asyncua", "asyncio")
 _LOST_WORDS = ("Connection", "Session", "SecureChannel", "Timeout", "Shutdown", "ServerHalted")
+_UTC_S = time.time() - time.monotonic()  # a step of this computer's clock makes no state older than the last one
 _REFUSAL_WORDS = (
     "UserAccessDenied",
     "IdentityToken",
@@ -90,7 +91,7 @@ class Session:
         numbers = np.concatenate([np.atleast_1d(np.asarray(each.Value.Value, dtype=float)) for each in data_values])
         stamps = [each.SourceTimestamp or each.ServerTimestamp for each in data_values]
         known = [stamp.timestamp() for stamp in stamps if stamp is not None]
-        return Values(max(known) if known else time.time(), numbers)
+        return Values(max(known) if known else _UTC_S + time.monotonic(), numbers)
 
     def close(self) -> None:
         """Close the session."""

@@ -23,10 +23,12 @@ class Checked:
     Attributes:
         sigma: 3-D norms of the requested transform's sigmas [m] and [rad]; None if unobservable.
         doubts: Disagreements that were not reported before.
+        unchecked: Number of queued samples whose check has not ended; the sigma does not include them.
     """
 
     sigma: tuple[float, float] | None = None
     doubts: tuple[Doubt, ...] = ()
+    unchecked: int = 0
 
 
 class BackgroundCheck:
@@ -67,7 +69,7 @@ class BackgroundCheck:
             del self._running[0]
             self._sigma = checked.sigma
             doubts += checked.doubts
-        return Checked(self._sigma, tuple(doubts))
+        return Checked(self._sigma, tuple(doubts), len(self._running))
 
     def _work(self) -> None:
         """Check queued samples until the queue is closed."""

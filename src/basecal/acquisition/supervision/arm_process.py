@@ -25,6 +25,7 @@ from basecal.acquisition.driver import (
     GOAL_TOLERANCE_RAD,
     PATH_TOLERANCE_RAD,
     ChecksGoals,
+    DriverKind,
     Freedrives,
     HasWatchdog,
     Moves,
@@ -45,11 +46,13 @@ from basecal.acquisition.supervision.limits import (
     HOLD_S,
     MOST_CLOCK_DRIFT,
     RECONNECT_S,
+    REST_HANG_LIMIT_S,
     REST_STALE_MARGIN_S,
     STALE_S,
     STOP_S,
     TICK_S,
 )
+from basecal.acquisition.supervision.standstill import Standstill, standstill_reason
 from basecal.cell import RobotState
 from basecal.errors import BasecalError, DriverError
 from basecal.geometry import Array
@@ -81,11 +84,13 @@ class ArmProcess:
         self._must_stop = self._is_over = False
         self._stop_thread: threading.Thread | None = None
         self._patience_s = REST_STALE_MARGIN_S + RECONNECT_S
+        self._standstill = Standstill()
 
     def run(self) -> None:
         """Execute the supervisor's commands until it closes this arm; stop the arm if the supervisor ends or hangs."""
         while not self._is_over:
             select.select([self._channel.read_fd], [], [], TICK_S)
+            self._check_standstill()
             try:
                 for frame in self._channel.receive():
                     self._supervisor_s = time.monotonic()
@@ -105,6 +110,18 @@ class ArmProcess:
         elif frame.kind == Kind.CLOSE:
             self._end()
 
+    def _check_standstill(self) -> None:
+        """Stop if this process did not run for longer than it may be silent."""
+        if self._stood_still and self._robot is not None and not self._must_stop:
+            self._report("")
+        self._standstill.end_cycle()
+
+    @property
+    def _stood_still(self) -> bool:
+        """Whether this process did not run for longer than it may be silent."""
+        limit_s = HANG_LIMIT_S if self._is_moving else min(REST_HANG_LIMIT_S, self._patience_s)
+        return self._standstill.duration_s > limit_s
+
     def _check_timeouts(self, now_s: float) -> None:
         if now_s - self._heartbeat_s > HEARTBEAT_S:
             self._heartbeat_s = now_s
@@ -120,8 +137,8 @@ class ArmProcess:
             )
         if self._robot.is_live and now_s - self._read_s > self._patience_s:
             self._report(f"{self._name}: no state came for {self._patience_s:g} s: its link is lost")
-        if now_s - self._supervisor_s > HANG_LIMIT_S:
-            self._stop()
+        if self._is_moving and now_s - self._supervisor_s > HANG_LIMIT_S:
+            self._report(f"the process that supervises the arms was silent for {HANG_LIMIT_S:g} s, while they moved")
 
     @property
     def _is_moving(self) -> bool:
@@ -129,7 +146,12 @@ class ArmProcess:
         return self._goal is not None or self._is_in_freedrive
 
     def _report(self, reason: str) -> None:
-        """Report trouble to the supervisor, which stops all arms, and stop this arm."""
+        """Report trouble to the supervisor, which stops all arms, and stop this arm.
+
+        Silence and late states have no other reason if this process did not run.
+        """
+        if self._stood_still:
+            reason = standstill_reason(f"{self._name}: the process of its driver", self._standstill.duration_s)
         self._channel.send(Kind.TROUBLE, reason.encode())
         self._stop()
 
@@ -137,10 +159,12 @@ class ArmProcess:
         place, sys.path[:] = pickle.loads(payload)
         self._name = place.name
         try:
-            robot = _open_robot(place)
+            kind = _find_driver(place)
+            robot = _open_robot(kind, place)
             self._patience_s = REST_STALE_MARGIN_S + float(place.options.get("reconnect_s", RECONNECT_S))
             capabilities = {name: isinstance(robot, protocol) for name, protocol in _CAPABILITIES.items()}
-            self._channel.send(Kind.OPENED, pickle.dumps({"is_live": robot.is_live, **capabilities}))
+            properties = {"is_live": robot.is_live, "stops_if_killed": kind.stop_guarantee != "none", **capabilities}
+            self._channel.send(Kind.OPENED, pickle.dumps(properties))
         except BaseException as error:
             self._channel.send(Kind.FAILED, pickle.dumps(_error_data(self._name, error)))
             return
@@ -160,7 +184,7 @@ class ArmProcess:
                 self._read_s = time.monotonic()
                 self._check_lag(reading)
                 self._note(reading)
-                self._channel.send(Kind.READING, pickle.dumps(reading))
+                self._channel.send(Kind.READING, pickle.dumps((self._read_s, reading)))
         except BaseException as error:
             self._report(_error_text(self._name, error))
 
@@ -220,14 +244,14 @@ class ArmProcess:
             self._channel.send(Kind.ANSWER, answer)
 
     def _call_driver(self, robot: Robot, method: str, arguments: tuple[Any, ...]) -> Any:
-        if self._must_stop:
-            return None
-        if method == "move":
-            with self._motion_lock:
+        with self._motion_lock:
+            if self._must_stop:
+                return None
+            if method == "move":
                 self._states_at_goal, self._changed_s = 0, time.monotonic()
                 self._path, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
-        if method == "freedrive":
-            self._is_in_freedrive, self._path = True, (None, None)
+            if method == "freedrive":
+                self._is_in_freedrive, self._path = True, (None, None)
         try:
             result = getattr(robot, method)(*arguments)
         finally:
@@ -270,8 +294,10 @@ class ArmProcess:
         if self._is_over:
             return
         self._is_over = True
-        if self._is_moving:
-            self._stop()
+        with self._motion_lock:  # a motion begins before this, or never
+            if self._is_moving:
+                self._stop()
+            self._must_stop = True
         if self._stop_thread is not None:  # also of an earlier order: a driver that is closed cannot send it any more
             self._stop_thread.join(STOP_S)
         _start_thread(self._close).join(CLOSE_S - STOP_S)
@@ -287,10 +313,14 @@ class ArmProcess:
                 self._robot.close()
 
 
-def _open_robot(place: Place) -> Robot:
+def _find_driver(place: Place) -> DriverKind:
     driver = place.cell.robots[place.name].driver
     kind = None if driver is None else driver_kind(driver.kind)
     assert kind is not None
+    return kind
+
+
+def _open_robot(kind: DriverKind, place: Place) -> Robot:
     robot = kind.robot(place)
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (_address_space_bytes() + _MEMORY_BYTES, hard))

@@ -21,12 +21,14 @@ from basecal.acquisition.supervision.limits import (
     CLOSE_S,
     HEARTBEAT_S,
     PARENT_HANG_LIMIT_S,
+    REST_HANG_LIMIT_S,
     STALE_S,
     START_S,
     STOP_S,
     TICK_S,
 )
 from basecal.acquisition.supervision.signals import interrupt_main_thread
+from basecal.acquisition.supervision.standstill import Standstill, standstill_reason
 from basecal.cell import RobotState
 from basecal.errors import DriverError
 
@@ -49,13 +51,14 @@ class Arms:
         self._names = list(places)
         self._open_timeouts_s = [_open_timeout_s(place) for place in places.values()]
         self._changed = threading.Condition()
-        self._readings: dict[int, tuple[int, Reading, float]] = {}  # number, latest state, its arrival [s]
+        self._readings: dict[int, tuple[int, float, Reading]] = {}  # number, time of reading [s], latest state
         self._answers: dict[int, tuple[Any, Any]] = {}
         self._opened: dict[int, Any] = {}
         self._requests = 0
         self._reason = ""
         self._is_ending = self._is_interrupted = False
         self._unreported: list[str] = []  # arms that did not confirm a stop, not reported yet
+        self._standstill, self._standstill_reason = Standstill(), ""
         command = [sys.executable, "-m", _SUPERVISOR_MODULE, str(signals_fd), *self._names]
         self._process = subprocess.Popen(
             command,
@@ -102,7 +105,7 @@ class Arms:
     def wait_for_newer(self, arm: int, count: int) -> tuple[int, Reading]:
         """Wait until an arm has sent more than `count` states; their number, and the latest state, which is recent.
 
-        A motion must not begin from a state that arrived before the link fell silent.
+        A motion must not begin from a state from before the link fell silent, or before this process stood still.
 
         Raises:
             DriverError: if all arms were stopped.
@@ -110,8 +113,8 @@ class Arms:
         with self._changed:
             while True:
                 self._check()
-                number, reading, arrived_s = self._readings.get(arm, (count, None, 0.0))
-                if reading is not None and number > count and time.monotonic() - arrived_s < STALE_S:
+                number, read_s, reading = self._readings.get(arm, (count, 0.0, None))
+                if reading is not None and number > count and time.monotonic() - read_s < STALE_S:
                     return number, reading
                 self._changed.wait(_POLL_S)
 
@@ -142,7 +145,7 @@ class Arms:
             DriverError: if this arm did not confirm the stop, unless an earlier error reported that.
         """
         self._is_ending = True
-        self._channel.send(Kind.STOP, reason.encode())
+        self.request_stop(self._note_standstill() or reason)
         with self._changed:
             is_known = self._changed.wait_for(lambda: bool(self._reason), 2 * STOP_S)
         if not is_known or self._names[arm] in self._unreported:
@@ -151,6 +154,18 @@ class Arms:
     def request_stop(self, reason: str) -> None:
         """Request a stop of all arms from the supervisor, which also ends the capture with the reason; thread-safe."""
         self._channel.send(Kind.STOP, reason.encode())
+
+    @property
+    def standstill_report(self) -> str:
+        """The report of a stop because this process did not run; else empty."""
+        return self._reason if self._standstill_reason else ""
+
+    def _note_standstill(self) -> str:
+        """The reason of a stop if this process did not run for ten seconds until now; else empty."""
+        if (duration_s := self._standstill.duration_s) < REST_HANG_LIMIT_S:
+            return ""
+        self._standstill_reason = standstill_reason("the capture", duration_s)
+        return self._standstill_reason
 
     def close(self) -> None:
         """End the processes of all arms; kill the supervisor if it does not end before a timeout."""
@@ -190,6 +205,11 @@ class Arms:
         while True:
             select.select([self._channel.read_fd], [], [], TICK_S)
             now = time.monotonic()
+            if self._standstill.duration_s > PARENT_HANG_LIMIT_S:  # the supervisor may not have run, either
+                heard_s = max(heard_s, now)
+            if reason := self._note_standstill():
+                self.request_stop(reason)
+            self._standstill.end_cycle()
             try:
                 frames = self._channel.receive()
                 for frame in frames:
@@ -220,19 +240,25 @@ class Arms:
             with self._changed:
                 if frame.kind == Kind.READING:
                     count, *_ = self._readings.get(frame.arm, (0,))
-                    self._readings[frame.arm] = (count + 1, content, time.monotonic())
+                    self._readings[frame.arm] = (count + 1, *content)
                 elif frame.kind == Kind.ANSWER:
                     self._answers[content[0]] = content[1:]
                 else:
                     self._opened[frame.arm] = content
                 self._changed.notify_all()
 
+    @property
+    def _stoppable_names(self) -> list[str]:
+        """Names of the open arms that this program can stop; others are only read."""
+        opened = {number: each for number, each in self._opened.items() if isinstance(each, dict)}
+        return [self._names[number] for number, each in sorted(opened.items()) if each["moves"] or each["freedrives"]]
+
     def _set_stop_reason(self, reason: str, unconfirmed_names: list[str]) -> None:
         """Store the reason why arms were stopped, and interrupt the main thread."""
         if self._reason:
             return
         with self._changed:
-            self._reason = stop_report(reason, self._names, unconfirmed_names)
+            self._reason = stop_report(reason, self._stoppable_names, unconfirmed_names)
             self._unreported = unconfirmed_names if self._is_ending else []
             self._changed.notify_all()
         if not self._is_ending:

@@ -24,7 +24,7 @@ class Kind(IntEnum):
     FAILED = 3  # from an arm: the error of a failed opening, pickled
     REQUEST = 4  # to an arm: number, method and arguments, pickled
     ANSWER = 5  # from an arm: number, result and error, pickled
-    READING = 6  # from an arm: a state, pickled
+    READING = 6  # from an arm: the time at which a state came by `time.monotonic()`, and the state, pickled
     TROUBLE = 7  # from an arm: the reason why all arms must stop, as text
     STOP = 8  # to the supervisor: the reason, as text; to an arm: no payload
     STOPPED = 9  # from an arm: its controller accepted the stop
@@ -56,6 +56,12 @@ class Channel:
         with self._lock:
             self._unsent += _HEADER.pack(kind, arm, len(payload)) + payload
             self._flush()
+
+    @property
+    def has_unsent(self) -> bool:
+        """Whether frames wait until the other process reads."""
+        with self._lock:
+            return bool(self._unsent)
 
     def flush(self) -> None:
         """Send buffered frames."""

@@ -34,7 +34,7 @@ HOLD_S = 2.0
 """Time at rest away from the goal after which an arm counts as blocked."""
 
 STOP_S = 0.3
-"""Timeout of an arm's confirmation of a stop; then its process is killed, and the watchdog stops the arm."""
+"""Timeout of an arm's confirmation of a stop; then its process is killed if a watchdog stops the arm."""
 
 CLOSE_S = 0.9
 """Timeout for an arm's driver to close."""

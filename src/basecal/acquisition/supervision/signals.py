@@ -19,7 +19,8 @@ def routed_signals(reason: Callable[[], str]) -> Iterator[int]:
     """Context of the read end of a pipe into which the system writes signal numbers, even while Python is blocked.
 
     In the main thread, SIGTERM and SIGHUP raise `KeyboardInterrupt` like SIGINT, and `interrupt_main_thread` raises a
-    `DriverError`. If another thread enters the context, the signal handlers of the process do not change.
+    `DriverError`. A SIGINT that is ignored raises it, too: a shell ignores it for commands in the background of a
+    script, whose arms would go on. If another thread enters the context, the signal handlers do not change.
 
     Args:
         reason: Returns the message of that error; empty if the main thread is not to be interrupted.
@@ -33,7 +34,9 @@ def routed_signals(reason: Callable[[], str]) -> Iterator[int]:
             raise DriverError(words)
 
     is_main = threading.current_thread() is threading.main_thread()
-    handlers = dict.fromkeys(_ENDING_SIGNALS, signal.default_int_handler) | {_INTERRUPT: raise_reason}
+    is_ignored = signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    ending_signals = (*_ENDING_SIGNALS, signal.SIGINT) if is_ignored else _ENDING_SIGNALS
+    handlers = dict.fromkeys(ending_signals, signal.default_int_handler) | {_INTERRUPT: raise_reason}
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()} if is_main else {}
     former_fd = signal.set_wakeup_fd(write_fd, warn_on_full_buffer=False) if is_main else -1
     try:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import selectors
 import signal
 import subprocess
@@ -30,6 +31,7 @@ from basecal.acquisition.supervision.limits import (
     STOP_S,
     TICK_S,
 )
+from basecal.acquisition.supervision.standstill import Standstill, standstill_reason
 
 _ARM_COMMAND = [sys.executable, "-m", "basecal.acquisition.supervision.arm_process"]
 _ENDING_SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
@@ -48,6 +50,7 @@ class _Arm:
     heard_s: float
     read_s: float | None = None
     is_open: bool = False
+    stops_if_killed: bool = True
     is_moving: bool = False
     has_stopped: bool = False
     is_gone: bool = False
@@ -75,6 +78,7 @@ class Supervisor:
         self._arms = [_Arm.start(number, name) for number, name in enumerate(names)]
         now = time.monotonic()
         self._parent_heard_s = self._heartbeat_s = now
+        self._standstill = Standstill()
         self._stopped_s: float | None = None
         self._closed_s: float | None = None
         self._forced_s: float | None = None
@@ -88,6 +92,7 @@ class Supervisor:
         """Supervise until all arms are closed."""
         while self._closed_s is None or not all(arm.is_gone for arm in self._arms):
             self._ready.select(TICK_S)
+            self._check_standstill()
             self._receive_signals()
             self._receive_from_parent()
             for arm in self._arms:
@@ -108,6 +113,13 @@ class Supervisor:
             self._closed_s = time.monotonic()
             for arm in self._arms:
                 arm.channel.send(Kind.CLOSE)
+
+    def _check_standstill(self) -> None:
+        """Stop all arms if this process did not run for longer than it may be silent."""
+        limit_s = HANG_LIMIT_S if any(arm.is_moving for arm in self._arms) else REST_HANG_LIMIT_S
+        if (duration_s := self._standstill.duration_s) > limit_s:
+            self.stop(standstill_reason("the process that supervises the arms", duration_s))
+        self._standstill.end_cycle()
 
     def _receive_signals(self) -> None:
         with suppress(OSError):
@@ -161,10 +173,11 @@ class Supervisor:
                 arm.process.kill()
 
     def _handle_report(self, arm: _Arm, frame: Frame) -> None:
-        if frame.kind in _FORWARDED_KINDS:
+        is_outdated = frame.kind == Kind.READING and self._parent.has_unsent  # newer states come once the capture reads
+        if frame.kind in _FORWARDED_KINDS and not is_outdated:
             self._parent.send(Kind(frame.kind), frame.payload, arm.number)
         if frame.kind == Kind.OPENED:
-            arm.is_open = True
+            arm.is_open, arm.stops_if_killed = True, pickle.loads(frame.payload)["stops_if_killed"]
         elif frame.kind == Kind.ALIVE:
             arm.is_moving = bool(frame.payload[0])
         elif frame.kind == Kind.READING:
@@ -196,14 +209,18 @@ class Supervisor:
         self._enforce_end(now_s)
 
     def _report(self, now_s: float) -> None:
-        """Report a stop to the capture, once all arms confirmed it or the timeout is over."""
+        """Report a stop to the capture, once all arms confirmed it or the timeout is over.
+
+        Without a watchdog, the process of an arm that did not confirm may still stop it, and is closed with the others.
+        """
         if self._stopped_s is None or self._is_reported:
             return
         waiting = [arm for arm in self._arms if not (arm.has_stopped or arm.is_gone)]
         if waiting and now_s - self._stopped_s < STOP_S:
             return
         for arm in waiting:
-            self._drop(arm)
+            if arm.stops_if_killed:
+                self._drop(arm)
         unconfirmed = [arm.name for arm in self._arms if not arm.has_stopped]
         event = {
             "reason": self._reason,

@@ -166,7 +166,9 @@ def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
         yield error_tile(snapshot.errors[-1][1], snapshot.tolerance_m, is_over)
     if step is not None:
         if step.sigma is not None:
-            yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma (3-D norm) of the base")
+            yield Tile(
+                error_text(*step.sigma).replace(" and ", ", "), f"1 sigma (3-D norm) of the base{step.sigma_note}"
+            )
         yield Tile(f"{step.taken} of {step.planned}", "samples taken")
         yield Tile(f"{100 * step.coverage.share:.0f} %", "of the image covered")
     if left_s is not None and not is_over:

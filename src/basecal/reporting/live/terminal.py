@@ -12,6 +12,7 @@ from rich.text import Text
 
 from basecal.acquisition.coverage import Coverage
 from basecal.acquisition.watching import Sigma, Snapshot
+from basecal.errors import count_text
 from basecal.reporting.statement.verdict import error_text
 
 _BARS = "▁▂▃▄▅▆▇█"
@@ -31,7 +32,9 @@ def terminal_view(snapshot: Snapshot) -> RenderableType:
     )
     table = Table.grid(padding=(0, 3))
     table.add_row(Text("covered"), Text("base" if snapshot.sigmas else ""), Text("turned, deg"))
-    table.add_row(Text(coverage_rows(snapshot.step.coverage)), Text(sigma_row(snapshot.sigmas)), Text(turned))
+    table.add_row(
+        Text(coverage_rows(snapshot.step.coverage)), Text(sigma_row(snapshot.sigmas, snapshot.step.taken)), Text(turned)
+    )
     title = f"{snapshot.step.taken} taken, {snapshot.step.planned} planned"
     parts: list[RenderableType] = [Panel(table, title=title, expand=False), messages]
     parts += [Text(doubt, style="bold red") for doubt in snapshot.doubts]
@@ -45,8 +48,13 @@ def coverage_rows(coverage: Coverage) -> str:
     return "\n".join("".join(_SEEN_MARK if seen else _OPEN_MARK for seen in row) for row in coverage.cells)
 
 
-def sigma_row(sigmas: Sequence[Sigma]) -> str:
-    """Bars of the logarithm of the translation's sigma, and the last sigma in numbers."""
+def sigma_row(sigmas: Sequence[Sigma], sample_count: int = 0) -> str:
+    """Bars of the logarithm of the translation's sigma, and the last sigma in numbers.
+
+    Args:
+        sigmas: Sigmas after each sample.
+        sample_count: Number of samples so far; the last sigma may not include all of them.
+    """
     if not sigmas:
         return "not all directions\nare observed yet"
     shown = sigmas[-_WIDEST_ROW:]
@@ -54,5 +62,6 @@ def sigma_row(sigmas: Sequence[Sigma]) -> str:
     extent = max(float(np.ptp(levels)), 1e-6)
     heights = np.rint((levels - levels.min()) / extent * (len(_BARS) - 1)).astype(int)
     last = sigmas[-1]
+    note = f", after {count_text(last.samples, 'sample')}" if last.samples < sample_count else ""
     bars = "".join(_BARS[k] for k in heights)
-    return f"{bars}\n{error_text(last.t_m, last.r_rad)}\n(1 sigma, 3-D norm)"
+    return f"{bars}\n{error_text(last.t_m, last.r_rad)}\n(1 sigma, 3-D norm{note})"
