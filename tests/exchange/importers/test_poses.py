@@ -11,9 +11,9 @@ import pytest
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.errors import UsageError
-from basecal.exchange.controller_poses import Reading
+from basecal.exchange.controller_poses import PoseFormat
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.importers.poses import _robot_poses, table_reading
+from basecal.exchange.importers.poses import _robot_poses, table_format
 from basecal.geometry import SE3
 
 DRAWN = SE3.exp(np.random.default_rng(3).normal(0, 0.5, (4, 6)))
@@ -125,25 +125,29 @@ def test_inverted_base_poses_are_imported(tmp_path: Path, capsys: pytest.Capture
 )
 def test_stated_units_define_reading(deg: bool, rad: bool, angle_rad: float | None) -> None:
     """At most one of the two angle units is accepted. Lengths are converted to metres, and format names ignore case."""
-    reading = table_reading("a.csv", "KUKA", "inch" if deg else None, deg, rad)
-    assert (reading.name, reading.length_m, reading.angle_rad) == ("kuka", 0.0254 if deg else None, angle_rad)
+    pose_format = table_format("a.csv", "KUKA", "inch" if deg else None, deg, rad)
+    assert (pose_format.name, pose_format.length_m, pose_format.angle_rad) == (
+        "kuka",
+        0.0254 if deg else None,
+        angle_rad,
+    )
     with pytest.raises(UsageError, match="--deg and --rad exclude each other"):
-        table_reading("a.csv", "kuka", None, True, True)
+        table_format("a.csv", "kuka", None, True, True)
     with pytest.raises(UsageError, match=r"--format no 'kuca' \(did you mean 'kuka'\?\)"):
-        table_reading("a.csv", "kuca", None, deg, rad)
+        table_format("a.csv", "kuca", None, deg, rad)
 
 
 @pytest.mark.parametrize("frames", [{}, {"base": "BASE_3", "flange": None}, {"base": None, "flange": "TOOL_1"}])
 def test_stated_frames_replace_those_of_cell(tmp_path: Path, frames: dict[str, str | None]) -> None:
     """Only the stated frames are written; without any, the cell's are kept."""
     (tmp_path / "a.csv").write_text("0.1,0.2,0.3,0,0,0\n")
-    found = _robot_poses("arm", str(tmp_path / "a.csv"), Reading("ur"), False, (), frames)
+    found = _robot_poses("arm", str(tmp_path / "a.csv"), PoseFormat("ur"), False, (), frames)
     stated = {name: frame for name, frame in frames.items() if frame}
     assert found.cell == {"robots": {"arm": {"controller": {"format": "ur", **stated}}}}
     place = frozenset({("robots", "arm", "controller")})
     assert (found.replaced, found.defaults) == ((place, frozenset()) if stated else (frozenset(), place))
     assert not found.is_stream
     assert found.what.startswith("1 poses arm_base_from_arm_flange as of ur")
-    turned = _robot_poses("arm", str(tmp_path / "a.csv"), Reading("ur"), False, ("base-from-flange",), frames)
+    turned = _robot_poses("arm", str(tmp_path / "a.csv"), PoseFormat("ur"), False, ("base-from-flange",), frames)
     assert turned.what.startswith("1 poses arm_flange_from_arm_base, inverted, as of ur")
     assert turned.rows[0].robots["arm"].base_from_flange.translation.tolist() == [-0.1, -0.2, -0.3]
