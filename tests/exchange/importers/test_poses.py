@@ -84,6 +84,27 @@ def test_invalid_pose_imports_create_no_cell(
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["FILE", "--robot", "arm", "--camera-from-target", "b.txt"], "--camera-from-target"),
+        (["FILE", "--robot", "arm", "--camera", "wrist"], "--camera"),
+        (["FILE", "--camera", "wrist", "--target", "tag", "--base-frame", "BASE_3"], "--base-frame"),
+        (["FILE", "--camera", "wrist", "--target", "tag", "--still"], "--still"),
+        (["--camera-from-target", "b.txt", "--length-unit", "mm", "--format", "ur"], "--format"),
+    ],
+)
+def test_options_without_effect_are_refused(
+    tmp_path: Path, words: list[str], option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An option, or a file, that the kind of import would ignore is a usage error."""
+    file = table(tmp_path / "a.csv", "ros")
+    given = [file if word == "FILE" else word for word in words]
+    assert main(["import", "poses", str(tmp_path / "c"), *given]) == 2
+    assert f"{option} has no effect on " in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
+
+
 def test_pose_program_needs_stated_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Six numbers are not a matrix, so the error names the formats."""
     (tmp_path / "left.script").write_text("p[0.1, 0.2, 0.3, 0, 0, 1.5]\n")
