@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from basecal.cli.option_types import Port, Seed, given_options, number_range, refuse_options
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import print_json, progress, progress_bar, quote_path, say
-from basecal.errors import InputError, count_text
+from basecal.errors import InputError, UsageError, count_text
 from basecal.simulation.scenario import ObservedKind, Scenario
 
 if TYPE_CHECKING:
@@ -86,6 +86,8 @@ def simulate(
         json: Print the written samples, or the address of the process, as JSON.
     """
     _refuse_unused_options(process, given_options(simulate, locals()))
+    if joint_offset_deg and not joints:
+        raise UsageError("--joint-offset-deg has no effect on recorded poses: add --joints")
     if process:
         return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
     scenario = Scenario(
