@@ -162,20 +162,14 @@ def write_simulation(folder: Path, simulation: SimulatedCell, image_seed: int | 
 
     with stage_folder(folder) as part:
         if image_seed is not None:
-            simulation = render_images(simulation, part, image_seed)
+            from basecal.simulation.images import render_recording
+
+            with progress_bar("rendering") as step:
+                rendered = render_recording(simulation, part, image_seed, progress=step)
+            simulation = replace(simulation, recording=rendered)
         write_cell(simulation.cell, part)
         write_recording(simulation.recording, part)
         write_urdfs(simulation.cell, part)
         offsets = {name: robot.kind_values("joint_offsets").tolist() for name, robot in simulation.robots.items()}
         write_truth(part, simulation.truth, **({"joint_offsets_rad": offsets} if offsets else {}))
     return replace(simulation, recording=replace(simulation.recording, folder=str(folder)))
-
-
-def render_images(simulation: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
-    """Render images of a simulated cell to its folder, and replace the points of its recording by them."""
-    from dataclasses import replace
-
-    from basecal.simulation.images import render_recording
-
-    with progress_bar("rendering") as step:
-        return replace(simulation, recording=render_recording(simulation, folder, seed, progress=step))
