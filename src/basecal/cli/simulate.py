@@ -86,8 +86,6 @@ def simulate(
         json: Print the written samples, or the address of the process, as JSON.
     """
     _refuse_unused_options(process, given_options(simulate, locals()))
-    if joint_offset_deg and not joints:
-        raise UsageError("--joint-offset-deg has no effect on recorded poses: add --joints")
     if process:
         return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
     scenario = Scenario(
@@ -107,7 +105,7 @@ def simulate(
 
 
 def _refuse_unused_options(process: bool, options: Sequence[str]) -> None:
-    """Refuse options of a recorded cell for a running one, and the reverse.
+    """Refuse options that have no effect: of a recorded cell for a running one, the reverse, offsets without joints.
 
     Raises:
         UsageError: if there are any.
@@ -117,6 +115,8 @@ def _refuse_unused_options(process: bool, options: Sequence[str]) -> None:
     else:
         unused = [option for option in options if option in _RUNNING_OPTIONS]
         refuse_options(unused, (), "without --process no cell runs")
+        if "--joint-offset-deg" in options and "--joints" not in options:
+            raise UsageError("--joint-offset-deg has no effect on recorded poses: add --joints")
 
 
 def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool) -> int:

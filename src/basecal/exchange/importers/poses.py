@@ -24,6 +24,8 @@ from basecal.exchange.poses import LengthUnit, unit_length_m
 from basecal.exchange.streams import Inverted, Streams, read_streams
 
 _ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
+_MATRIX_FILES = ("camera_from_target", "eye_base_from_flange", "hand_base_from_flange")
+_ROBOT_OPTIONS = ("still", "base_frame", "tool_frame")
 POSE_ADVICE = "check --length-unit and --format"
 """Advice if imported poses are implausible."""
 
@@ -110,38 +112,38 @@ def read_poses(
         UsageError: if options are inconsistent.
         InputError: if a file cannot be read, or is inconsistent with the cell.
     """
+    _refuse_unused_options(locals())
     path, pose_format = str(file), None if file is None else table_format(str(file), format, length_unit, deg, rad)
-    matrix_files = {
-        "camera-from-target": camera_from_target,
-        "eye-base-from-flange": eye_base_from_flange,
-        "hand-base-from-flange": hand_base_from_flange,
-    }
-    robot_options = {"still": still, "base-frame": base_frame, "tool-frame": tool_frame}
     if pose_format is not None and robot is None and camera is not None and target is not None:
-        _refuse_options("a table of a target", {**robot_options, **matrix_files})
         return _target_poses(cell, ViewNames(camera, target, on, target_on), path, pose_format, streams, invert)
     if on is not None or target_on is not None:
         raise UsageError("--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
     if (robot is None) != (pose_format is None):
         raise UsageError(f"{'--robot' if robot is None else 'FILE'} is missing: CELL --robot NAME FILE")
     if robot is not None and pose_format is not None:
-        _refuse_options("a table of a robot", {"camera": camera, "target": target, **matrix_files})
-        frames = {"base": base_frame, "tool": tool_frame}
-        imported = _robot_poses(robot, path, pose_format, streams, invert, frames)
+        imported = _robot_poses(robot, path, pose_format, streams, invert, {"base": base_frame, "tool": tool_frame})
         return replace(imported, is_still=still)
     if streams:
         raise UsageError("--streams needs a table of one robot: CELL --robot NAME FILE; import one robot at a time")
     if camera_from_target is None or length_unit is None:
         raise UsageError(f"--camera-from-target and --length-unit are missing; {_ONE_ROBOT}")
-    _refuse_options("files of matrices", {"format": format, "deg": deg, "rad": rad, **robot_options})
     files = Streams(eye_base_from_flange, hand_base_from_flange, camera_from_target, length_unit, invert)
     return read_streams(cell, files, camera, target)
 
 
-def _refuse_options(noun: str, options: Mapping[str, object]) -> None:
-    """Raise UsageError if options are given, by name without dashes, that an import of this kind of files ignores."""
-    if unused := [f"--{name}" for name, value in options.items() if value not in (None, False)]:
-        raise UsageError(f"{list_names(unused)} has no effect on {noun}: leave it out")
+def _refuse_unused_options(options: Mapping[str, object]) -> None:
+    """Raise UsageError if options, by parameter of `read_poses`, have no effect on the kind of files."""
+    has_file, has_robot = options["file"] is not None, options["robot"] is not None
+    if has_file and has_robot:
+        noun, unused = "a table of a robot", ("camera", "target", *_MATRIX_FILES)
+    elif has_file and options["camera"] is not None and options["target"] is not None:
+        noun, unused = "a table of a target", (*_ROBOT_OPTIONS, *_MATRIX_FILES)
+    elif not has_file and not has_robot:
+        noun, unused = "files of matrices", ("format", "deg", "rad", *_ROBOT_OPTIONS)
+    else:  # incomplete
+        return
+    if names := [f"--{name.replace('_', '-')}" for name in unused if options[name] not in (None, False)]:
+        raise UsageError(f"{list_names(names)} has no effect on {noun}: leave it out")
 
 
 def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
