@@ -133,6 +133,7 @@ def read_poses(
 
 def _refuse_unused_options(options: Mapping[str, object]) -> None:
     """Raise UsageError if options, by parameter of `read_poses`, have no effect on the kind of files."""
+    unused: tuple[str, ...]
     has_file, has_robot = options["file"] is not None, options["robot"] is not None
     if has_file and has_robot:
         noun, unused = "a table of a robot", ("camera", "target", *_MATRIX_FILES)
