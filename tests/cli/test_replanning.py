@@ -55,7 +55,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Making:
             asked.append((samples, [*bad]))
             return next(given)
 
-        monkeypatch.setattr(module, "recorded_samples", lambda *_: (0, 1))
+        monkeypatch.setattr(module, "detected_samples", lambda *_: (0, 1))
         monkeypatch.setattr("basecal.acquisition.capture.abandoned_samples", lambda *_: ["given up"])
         monkeypatch.setattr("basecal.acquisition.rig.starting_states", lambda *_: {})
         monkeypatch.setattr("basecal.acquisition.replanning.replanner", lambda *_: SimpleNamespace(plan=next_plan))

@@ -33,6 +33,13 @@ def test_simulated_noise_is_stated(tmp_path: Path) -> None:
     assert cell.pixel_px == 0.4
 
 
+def test_joint_offsets_need_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Offsets of joints that are not recorded are refused, not ignored."""
+    assert main(["simulate", str(tmp_path / "cell"), "--joint-offset-deg", "0.2"]) == 2
+    assert "--joint-offset-deg has no effect on recorded poses: add --joints" in capsys.readouterr().err
+    assert not (tmp_path / "cell").exists()
+
+
 def test_faults_need_a_running_cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A fault of a recorded cell is refused, not ignored."""
     assert main(["simulate", str(tmp_path / "cell"), "--fault", "backlash"]) == 2

@@ -14,7 +14,7 @@ from tests.shared.real_recordings import data_folder
 
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.controller_poses import (
-    Reading,
+    PoseFormat,
     _other_controllers,
     column_unit,
     guessed_format,
@@ -29,7 +29,7 @@ from basecal.exchange.importing.text_table import read_text_table
 from basecal.geometry import SE3
 
 
-def poses(folder: Path, text: str, reading: Reading, name: str = "poses.txt") -> SE3:
+def poses(folder: Path, text: str, reading: PoseFormat, name: str = "poses.txt") -> SE3:
     (folder / name).write_text(text, encoding="utf-8")
     rows = read_controller_poses(str(folder / name), "left", reading)
     found = [row.robots["left"].base_from_flange for row in rows]
@@ -103,7 +103,7 @@ EXAMPLES = {
 def test_documented_controller_examples_are_read(tmp_path: Path, name: str) -> None:
     """A line from a maker's document gives the pose stated there."""
     text, translation, rotation = EXAMPLES[name]
-    pose = poses(tmp_path, text + "\n", Reading(name))[0]
+    pose = poses(tmp_path, text + "\n", PoseFormat(name))[0]
     np.testing.assert_allclose(pose.rotation, rotation.as_matrix(), atol=1e-5)
     np.testing.assert_allclose(pose.translation, translation, atol=1e-12)
 
@@ -179,7 +179,7 @@ end
 )
 def test_poses_of_controller_programs_are_read(tmp_path: Path, name: str, text: str) -> None:
     """The poses of a whole program are read, without its joints, tools, work objects, loads or speeds."""
-    read = poses(tmp_path, text, Reading(name))
+    read = poses(tmp_path, text, PoseFormat(name))
     np.testing.assert_allclose(read.translation, [[0.001, 0.4, 0.655], [0.002, 0.4015, 0.655]], atol=1e-12)
 
 
@@ -191,15 +191,15 @@ def test_every_controller_format_is_read(tmp_path: Path, name: str, with_header:
     how = CONTROLLERS[name]
     lines = [";".join(repr(float(value)).replace(".", ",") for value in row) for row in how.to_numbers(drawn)]
     text = "\n".join([*([";".join(how.names)] if with_header else []), *lines])
-    np.testing.assert_allclose(poses(tmp_path, text, Reading(name)).matrix, drawn.matrix, atol=1e-12)
-    read = poses(tmp_path, text, Reading(name, how.length * 1e-3))
+    np.testing.assert_allclose(poses(tmp_path, text, PoseFormat(name)).matrix, drawn.matrix, atol=1e-12)
+    read = poses(tmp_path, text, PoseFormat(name, how.length * 1e-3))
     np.testing.assert_allclose(read.translation * 1000, drawn.translation, atol=1e-9)
 
 
 def test_columns_by_name_in_any_order(tmp_path: Path) -> None:
     """The header determines the columns, in any case and with units; other columns are ignored."""
     text = "image;C [deg];B_deg;A/°;Z [mm];y/mm;X in mm;speed\na.png;30;20;10;3;2;1;5\n"
-    read = poses(tmp_path, text, Reading("kuka"))
+    read = poses(tmp_path, text, PoseFormat("kuka"))
     np.testing.assert_allclose(read.translation, [[1e-3, 2e-3, 3e-3]])
     expected = Rotation.from_euler("ZYX", [10, 20, 30], degrees=True).as_matrix()
     np.testing.assert_allclose(read.rotation[0], expected, atol=1e-12)
@@ -209,64 +209,64 @@ def test_quaternion_columns_are_read_by_name(tmp_path: Path) -> None:
     """A format with the scalar first still reads a column named qw as the scalar."""
     text = "qx,qy,qz,qw,x,y,z\n0,0,0.6,0.8,1,2,3\n"
     for name in ("abb", "ros"):
-        read = poses(tmp_path, text, Reading(name, 1.0))
+        read = poses(tmp_path, text, PoseFormat(name, 1.0))
         np.testing.assert_allclose(read.quaternion, [[0, 0, 0.6, 0.8]], atol=1e-12)
 
 
 def test_stated_units_override_format(tmp_path: Path) -> None:
     """Metres and radians may be stated for a controller that writes millimetres and degrees."""
     text = "0.1,0.2,0.3,0.4,0.5,0.6\n"
-    read = poses(tmp_path, text, Reading("fanuc", 1.0, 1.0))
+    read = poses(tmp_path, text, PoseFormat("fanuc", 1.0, 1.0))
     np.testing.assert_allclose(read.rpy, [[0.4, 0.5, 0.6]])
     np.testing.assert_allclose(read.translation, [[0.1, 0.2, 0.3]])
-    assert Reading("fanuc", 1.0, 1.0).words == "X, Y, Z, W, P, R: m, angles about fixed x, y, z in rad"
-    assert Reading("abb").words == "x, y, z, q1, q2, q3, q4: mm, quaternion, scalar first"
-    assert Reading("franka").words == "4x4 by columns, m"
+    assert PoseFormat("fanuc", 1.0, 1.0).words == "X, Y, Z, W, P, R: m, angles about fixed x, y, z in rad"
+    assert PoseFormat("abb").words == "x, y, z, q1, q2, q3, q4: mm, quaternion, scalar first"
+    assert PoseFormat("franka").words == "4x4 by columns, m"
 
 
 @pytest.mark.parametrize(
     ("text", "reading", "message"),
     [
-        ("0.1,0.2,0.3,0,180,0\n", Reading("ur"), "angles up to 180 are not radians: give --deg"),
+        ("0.1,0.2,0.3,0,180,0\n", PoseFormat("ur"), "angles up to 180 are not radians: give --deg"),
         (
             "x,y,z,rx,ry,rz\n" + "0.1,0.2,0.3,0,2,0\n" * 3 + "0.1,0.2,0.3,0,180,0\n",
-            Reading("ur"),
+            PoseFormat("ur"),
             ":5: 180 is not an angle in radians: correct line 5, or give --deg",
         ),
         (
             "100,20,30,0.1,0,0\n100,20,30,0.2,0,1\n100,20,30,-3,0,0\n",
-            Reading("kuka"),
+            PoseFormat("kuka"),
             "they look like radians. Give --rad",
         ),
-        ("x_mm,y,z,rx,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "x_mm: the unit is mm, but another is read"),
+        ("x_mm,y,z,rx,ry,rz\n1,2,3,0,0,0\n", PoseFormat("ur"), "x_mm: the unit is mm, but another is read"),
         (
             "x,y,z,rx_deg,ry,rz\n1,2,3,0,0,0\n",
-            Reading("ur"),
+            PoseFormat("ur"),
             "rx_deg: the unit is deg, but another is read",
         ),
         (
             "x [rad],y,z,rx,ry,rz\n1,2,3,0,0,0\n",
-            Reading("ur"),
+            PoseFormat("ur"),
             "x [rad]: the unit is rad, expected m, mm",
         ),
-        ("x,y,z,rx [m],ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "rx [m]: the unit is m, expected deg, "),
+        ("x,y,z,rx [m],ry,rz\n1,2,3,0,0,0\n", PoseFormat("ur"), "rx [m]: the unit is m, expected deg, "),
         (
             "x_mm,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n",
-            Reading("ros"),
+            PoseFormat("ros"),
             "x_mm: the unit is mm, but another is read",
         ),
         (
             "x,y,z,qx [m],qy,qz,qw\n1,2,3,0,0,0,1\n",
-            Reading("ros"),
+            PoseFormat("ros"),
             "qx [m]: the unit is m, expected no unit",
         ),
-        ("{X 1,Y 2,Z 3,A 4,B 5,C 6}\n", Reading("fanuc"), ":1: 6 numbers in brackets, expected X, Y, Z, W, P, R"),
-        ("X,Y,Z,A,B,C\n1,2,3,0,0,0\n", Reading("ur"), "these columns suit --format kuka, doosan"),
-        ("1,2,3,1,1,0,0\n", Reading("abb"), "poses.txt:1: q_xyzw has norm 1.41421"),
-        ("x,y,z,rx,ry,rz,sample\n1,2,3,0,0,0,1.5\n", Reading("ur"), "1.5 is not a whole number from 0"),
+        ("{X 1,Y 2,Z 3,A 4,B 5,C 6}\n", PoseFormat("fanuc"), ":1: 6 numbers in brackets, expected X, Y, Z, W, P, R"),
+        ("X,Y,Z,A,B,C\n1,2,3,0,0,0\n", PoseFormat("ur"), "these columns suit --format kuka, doosan"),
+        ("1,2,3,1,1,0,0\n", PoseFormat("abb"), "poses.txt:1: q_xyzw has norm 1.41421"),
+        ("x,y,z,rx,ry,rz,sample\n1,2,3,0,0,0,1.5\n", PoseFormat("ur"), "1.5 is not a whole number from 0"),
     ],
 )
-def test_wrong_units_and_columns_are_reported(tmp_path: Path, text: str, reading: Reading, message: str) -> None:
+def test_wrong_units_and_columns_are_reported(tmp_path: Path, text: str, reading: PoseFormat, message: str) -> None:
     """Units and columns that do not fit the format are refused, with the option to give instead."""
     with pytest.raises(DatasetError) as error:
         poses(tmp_path, text, reading)
@@ -277,14 +277,14 @@ def test_angle_unit_is_refused_for_formats_without_angles() -> None:
     """Quaternions and matrices have no unit of angles."""
     for name in ("abb", "ros", "franka", "matrix"):
         with pytest.raises(InputError, match="writes no angles"):
-            _ = Reading(name, None, 1.0).convention
+            _ = PoseFormat(name, None, 1.0).convention
 
 
 def test_small_angles_are_accepted_in_stated_degrees(tmp_path: Path) -> None:
     """A flange that rotates little is accepted in stated degrees. One that never rotates is accepted in any case."""
     text = "100,20,30,0.1,0,0\n100,20,30,0.2,0,1\n100,20,30,-3,0,0\n"
-    assert len(poses(tmp_path, text, Reading("kuka", None, math.radians(1)))) == 3
-    assert len(poses(tmp_path, "1,2,3,0,0,0\n4,5,6,0,0,0\n7,8,9,0,0,0\n", Reading("kuka"))) == 3
+    assert len(poses(tmp_path, text, PoseFormat("kuka", None, math.radians(1)))) == 3
+    assert len(poses(tmp_path, "1,2,3,0,0,0\n4,5,6,0,0,0\n7,8,9,0,0,0\n", PoseFormat("kuka"))) == 3
 
 
 def test_key_columns_identify_rows() -> None:
@@ -337,7 +337,7 @@ def test_stacked_matrices_of_real_recording() -> None:
     file = data_folder() / "ur5e_dual_charuco_2023" / "r1_tf.txt"
     if not file.exists():
         pytest.skip(f"{file} is not there: set BASECAL_DATA to the folder of the published recordings")
-    rows = read_controller_poses(str(file), "hand", Reading("matrix", 1.0))
+    rows = read_controller_poses(str(file), "hand", PoseFormat("matrix", 1.0))
     lengths = [np.linalg.norm(row.robots["hand"].base_from_flange.translation) for row in rows]
     assert len(rows) == 10
     assert 0.2 < min(lengths) < max(lengths) < 0.95
@@ -373,7 +373,7 @@ def test_format_is_guessed_only_if_unambiguous(tmp_path: Path) -> None:
 def test_unknown_column_names_have_advice(tmp_path: Path, header: str, what: str) -> None:
     """The error ends with what to do, including the encoding if letters are not ASCII."""
     with pytest.raises(DatasetError) as caught:
-        poses(tmp_path, f"{header}\n1,2,3,0,0,90\n", Reading("doosan"))
+        poses(tmp_path, f"{header}\n1,2,3,0,0,90\n", PoseFormat("doosan"))
     assert str(caught.value).endswith(f"doosan writes x, y, z, a, b, c: {what}")
 
 
@@ -394,7 +394,7 @@ ROS_LOG = ",".join(
 def test_column_names_of_other_programs_are_read(tmp_path: Path, header: str, row: str, name: str) -> None:
     """Columns are found by the position and rotation in their names, in any order."""
     row = row.replace("0.5,0.5", "0.70710678,0.70710678")
-    read = poses(tmp_path, f"{header}\n{row}\n", Reading(name, 1.0))
+    read = poses(tmp_path, f"{header}\n{row}\n", PoseFormat(name, 1.0))
     np.testing.assert_allclose(read.translation, [[1, 2, 3]])
     np.testing.assert_allclose(read.rotvec, [[np.pi / 2, 0, 0]], atol=1e-6)
 
@@ -402,14 +402,14 @@ def test_column_names_of_other_programs_are_read(tmp_path: Path, header: str, ro
 def test_joint_columns_are_recognised(tmp_path: Path) -> None:
     """A table of joints is refused as poses, with the command to import joints."""
     with pytest.raises(DatasetError, match="these look like joints: record poses, or use basecal import joints"):
-        poses(tmp_path, "A1,A2,A3,A4,A5,A6\n1,2,3,4,5,6\n", Reading("kuka"))
+        poses(tmp_path, "A1,A2,A3,A4,A5,A6\n1,2,3,4,5,6\n", PoseFormat("kuka"))
 
 
 def test_fanuc_program_is_refused(tmp_path: Path) -> None:
     """A FANUC program has positions over several lines, which are not rows."""
     text = "/PROG  CALIB\n/POS\nP[1]{\n   GP1:\n\tX = 612.000  mm,\tY = 1.000  mm,\tZ = 2.000  mm,\n};\n/END\n"
     with pytest.raises(DatasetError, match=r"a FANUC program is not read: write its positions as a table of X, Y, Z"):
-        poses(tmp_path, text, Reading("fanuc"), "CALIB.LS")
+        poses(tmp_path, text, PoseFormat("fanuc"), "CALIB.LS")
 
 
 @pytest.mark.parametrize(("controller", "length", "angle", "words"), [
@@ -420,9 +420,9 @@ def test_fanuc_program_is_refused(tmp_path: Path) -> None:
 def test_units_of_other_controllers_are_suggested(controller, length, angle, words):
     """Another unit is suggested if lengths and angles both fit it; one of them alone may be intended."""
     numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([length, angle], 3)
-    message = _other_controllers(numbers, CONTROLLERS[controller], Reading(controller))
+    message = _other_controllers(numbers, CONTROLLERS[controller], PoseFormat(controller))
     assert re.search(words, message) if words else message == ""
-    assert _other_controllers(numbers, CONTROLLERS[controller], Reading(controller, length_m=1e-3)) == ""
+    assert _other_controllers(numbers, CONTROLLERS[controller], PoseFormat(controller, length_m=1e-3)) == ""
 
 
 @pytest.mark.parametrize(("column", "unit"), [
@@ -447,7 +447,7 @@ def test_matrix_layouts_have_length_unit(tmp_path, text, length_m):
 
     The default unit is metres.
     """
-    read = poses(tmp_path, text, Reading("matrix", length_m))
+    read = poses(tmp_path, text, PoseFormat("matrix", length_m))
     scale = length_m or 1.0
     np.testing.assert_allclose(read.translation, [[100 * scale, 200 * scale, 300 * scale]] * len(read), atol=1e-12)
     np.testing.assert_allclose(read.rotation, [np.eye(3)] * len(read), atol=1e-12)
@@ -462,7 +462,7 @@ def test_only_translation_columns_take_unit(tmp_path, name, column):
     def read(place, unit):
         """Read the file with a unit at one name."""
         header = ",".join(f"{each} [{unit}]" if k == place else each for k, each in enumerate(names))
-        return poses(tmp_path, f"{header}\n{row}\n", Reading(name))
+        return poses(tmp_path, f"{header}\n{row}\n", PoseFormat(name))
 
     assert len(read(column, "m")) == 1
     with pytest.raises(DatasetError, match="the unit is mm, but another is read: give --length-unit mm"):
@@ -476,8 +476,8 @@ def test_duplicate_pose_columns_are_refused(tmp_path):
     """Two columns of one name, or two names of one quantity, are refused with both."""
     for header in ("x,x,y,z,rx,ry,rz", "X,x [m],y,z,rx,ry,rz", "pos x,tx,y,z,rx,ry,rz"):
         with pytest.raises(DatasetError, match="names the column 'x' twice: "):
-            poses(tmp_path, f"{header}\n1,1,2,3,0,0,0\n", Reading("ur"))
-    assert poses(tmp_path, "x,tx,y,z,rx,ry,rz\n1,9,2,3,0,0,0\n", Reading("ur")).translation[0, 0] == 1
+            poses(tmp_path, f"{header}\n1,1,2,3,0,0,0\n", PoseFormat("ur"))
+    assert poses(tmp_path, "x,tx,y,z,rx,ry,rz\n1,9,2,3,0,0,0\n", PoseFormat("ur")).translation[0, 0] == 1
 
 
 @pytest.mark.parametrize(("degrees", "is_wrong"), [([3.1, 0, 0], True), ([3.2, 0, 0], False)])
@@ -486,10 +486,10 @@ def test_degrees_below_three_are_refused(tmp_path, degrees, is_wrong):
     rows = [f"100,20,30,{a},0,{k}" for k, a in zip((0, 0, 1), degrees, strict=True)]
     if is_wrong:
         with pytest.raises(DatasetError, match=r"the angles of 3 poses reach only 3\.1: they look like radians"):
-            poses(tmp_path, "\n".join(rows), Reading("kuka"))
+            poses(tmp_path, "\n".join(rows), PoseFormat("kuka"))
     else:
-        assert len(poses(tmp_path, "\n".join(rows), Reading("kuka"))) == 3
-    assert len(poses(tmp_path, "\n".join(rows[:2]), Reading("kuka"))) == 2
+        assert len(poses(tmp_path, "\n".join(rows), PoseFormat("kuka"))) == 3
+    assert len(poses(tmp_path, "\n".join(rows[:2]), PoseFormat("kuka"))) == 2
 
 
 @pytest.mark.parametrize(
@@ -500,19 +500,19 @@ def test_three_wrong_rows_of_ten_are_named(tmp_path, wrong, message):
     """If more rows are wrong, another unit is suggested."""
     text = "0.1,0.2,0.3,0,9,0\n" * wrong + "0.1,0.2,0.3,0,6.28,0\n" * (10 - wrong)
     with pytest.raises(DatasetError, match=message):
-        poses(tmp_path, text, Reading("ur"))
+        poses(tmp_path, text, PoseFormat("ur"))
 
 
 def test_stream_rows_need_times(tmp_path):
     """The time is the first column without a header, or a column of that name; a table needs no time."""
     path = tmp_path / "a.csv"
     path.write_text("12.5,1,2,3,0,0,0\n13.5,1,2,3,0,0,0\n")
-    found = read_pose_rows(str(path), Reading("ur"), is_stream=True)
+    found = read_pose_rows(str(path), PoseFormat("ur"), is_stream=True)
     assert [row.stamp_s for row in found.rows] == [12.5, 13.5]
     path.write_text("x,y,z,rx,ry,rz\n1,2,3,0,0,0\n")
-    assert read_pose_rows(str(path), Reading("ur")).rows[0].stamp_s is None
+    assert read_pose_rows(str(path), PoseFormat("ur")).rows[0].stamp_s is None
     with pytest.raises(DatasetError, match="rows of a stream need times: add a column stamp_s"):
-        read_pose_rows(str(path), Reading("ur"), is_stream=True)
+        read_pose_rows(str(path), PoseFormat("ur"), is_stream=True)
 
 
 def test_inverted_poses_are_inverted(tmp_path):
@@ -520,7 +520,7 @@ def test_inverted_poses_are_inverted(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("1,2,3,0.1,0.2,0.3\n")
     plain, turned = (
-        read_controller_poses(str(path), "left", Reading("ur"), is_inverted=each)[0].robots["left"].base_from_flange
+        read_controller_poses(str(path), "left", PoseFormat("ur"), is_inverted=each)[0].robots["left"].base_from_flange
         for each in (False, True)
     )
     np.testing.assert_allclose((plain @ turned).matrix, np.eye(4), atol=1e-12)
@@ -544,7 +544,7 @@ def test_poses_of_guessed_format(tmp_path, text, stamps):
 def test_yaskawa_job_is_recognised(tmp_path):
     """A Yaskawa job read with another format is refused with the option to give."""
     with pytest.raises(DatasetError, match="is a job of a Yaskawa, not a file of ur: give --format yaskawa"):
-        poses(tmp_path, "/JOB\n//NAME A\n//POS\n///NPOS 1,0,0,0,0,0\n", Reading("ur"), "a.jbi")
+        poses(tmp_path, "/JOB\n//NAME A\n//POS\n///NPOS 1,0,0,0,0,0\n", PoseFormat("ur"), "a.jbi")
 
 
 def test_image_column_has_only_image_names():
@@ -564,7 +564,7 @@ def test_image_column_has_only_image_names():
 def test_fitting_unit_gives_no_advice(length, angle, advice):
     """Numbers in millimetres and degrees cause advice only if both are read in other units."""
     numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([400.0, 90.0], 3)
-    message = _other_controllers(numbers, replace(CONTROLLERS["kuka"], length=length, angle=angle), Reading("kuka"))
+    message = _other_controllers(numbers, replace(CONTROLLERS["kuka"], length=length, angle=angle), PoseFormat("kuka"))
     assert (advice in message) if advice else message == ""
 
 
@@ -576,7 +576,7 @@ def test_other_units_are_recognised_by_largest_values(length, angle, count, is_t
     """Advice needs lengths beyond 20, angles beyond a full turn, and at least three poses."""
     numbers = np.zeros((count, 6))
     numbers[0, 1], numbers[1, 4] = -length, -angle
-    assert bool(_other_controllers(numbers, CONTROLLERS["ur"], Reading("ur"))) == is_told
+    assert bool(_other_controllers(numbers, CONTROLLERS["ur"], PoseFormat("ur"))) == is_told
 
 
 def test_varying_angles_below_one_look_like_radians(tmp_path):
@@ -585,9 +585,9 @@ def test_varying_angles_below_one_look_like_radians(tmp_path):
         text = "\n".join(f"100,20,{k},0,0,{angle}" for k, angle in enumerate(angles))
         if is_wrong:
             with pytest.raises(DatasetError, match=r"reach only 0\.3: they look like radians"):
-                poses(tmp_path, text, Reading("kuka"))
+                poses(tmp_path, text, PoseFormat("kuka"))
         else:
-            assert len(poses(tmp_path, text, Reading("kuka"))) == 3
+            assert len(poses(tmp_path, text, PoseFormat("kuka"))) == 3
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -595,7 +595,7 @@ def test_other_units_are_recognised_on_any_axis(axis):
     """The largest length and the largest angle may be on any axis."""
     numbers = np.zeros((3, 6))
     numbers[0, axis], numbers[1, 3 + axis] = 400.0, 90.0
-    assert "mm --deg" in _other_controllers(numbers, CONTROLLERS["ur"], Reading("ur"))
+    assert "mm --deg" in _other_controllers(numbers, CONTROLLERS["ur"], PoseFormat("ur"))
 
 
 @pytest.mark.parametrize(("robot", "x"), [(None, [1, 2, 3]), ("b", [2, 3])])
@@ -603,4 +603,4 @@ def test_rows_of_one_robot_are_selected(tmp_path, robot, x):
     """All rows are read if no robot is named."""
     path = tmp_path / "a.csv"
     path.write_text("robot,x,y,z,rx,ry,rz\na,1,0,0,0,0,0\nb,2,0,0,0,0,0\nb,3,0,0,0,0,0\n")
-    assert read_pose_rows(str(path), Reading("ur"), robot=robot).poses.translation[:, 0].tolist() == x
+    assert read_pose_rows(str(path), PoseFormat("ur"), robot=robot).poses.translation[:, 0].tolist() == x

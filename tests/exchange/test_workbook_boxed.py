@@ -19,7 +19,7 @@ from basecal.cell.files import read_recording
 from basecal.cli import main
 from basecal.errors import DatasetError, InputError
 from basecal.exchange import workbook_boxed
-from basecal.exchange.controller_poses import Reading, read_controller_poses
+from basecal.exchange.controller_poses import PoseFormat, read_controller_poses
 from basecal.exchange.workbook_boxed import read_frames
 
 HEADER = ("x", "y", "z", "rx", "ry", "rz")
@@ -96,14 +96,14 @@ def test_workbook_with_title_and_units_row_is_read(tmp_path: Path) -> None:
     header = ("X", "Y", "Z", "A", "B", "C", "comment")
     rows = [title, header, units, ("400,5", "10", "300", "12,4", "90,0", "178,2", "good,\nvery"), (1.5, 2, 3, 4, 5, 6)]
     (tmp_path / "kuka.xlsx").write_bytes(workbook(*rows))
-    found = read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", Reading("kuka"))
+    found = read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", PoseFormat("kuka"))
     assert [row.robots["arm"].base_from_flange.translation.tolist() for row in found] == [
         pytest.approx([0.4005, 0.01, 0.3]),
         pytest.approx([0.0015, 0.002, 0.003]),
     ]
     (tmp_path / "kuka.xlsx").write_bytes(workbook(header, ("m", *units[1:]), rows[3]))
     with pytest.raises(DatasetError, match=r"X \[m\]: the unit is m, but another is read"):
-        read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", Reading("kuka"))
+        read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", PoseFormat("kuka"))
 
 
 SHEET, BOOK, CONTENT = "xl/worksheets/sheet1.xml", "xl/workbook.xml", "[Content_Types].xml"

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from basecal.errors import DatasetError
-from basecal.exchange.controller_poses import Reading, read_pose_rows
+from basecal.exchange.controller_poses import PoseFormat, read_pose_rows
 from basecal.exchange.yaskawa_job import is_job
 from basecal.geometry import SE3
 
@@ -35,7 +35,7 @@ END
 
 def read(folder: Path, text: str, name: str = "yaskawa") -> SE3:
     (folder / "job.jbi").write_text(text, encoding="utf-8")
-    return read_pose_rows(str(folder / "job.jbi"), Reading(name)).poses
+    return read_pose_rows(str(folder / "job.jbi"), PoseFormat(name)).poses
 
 
 def test_job_positions_are_read(tmp_path: Path) -> None:

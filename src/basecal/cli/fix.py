@@ -34,7 +34,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
 
     Args:
         cell: Folder of the cell.
-        choose: Number of the fix, if there are several; the first if not given.
+        choose: Number of the fix; by default the first. Required if several fit the data equally.
         yes: Apply the fix without a question.
     """
     from basecal.accuracy.fixing.apply import apply_cure, describe_change
@@ -50,11 +50,11 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     cure = _chosen_cure(cures, choose)
     for line in describe_change(recording, cure.change):
         say(f"  {line}")
-    question = f"Fix {cell} so?"
+    question = f"Apply this fix to {cell}?"
     if not yes:
         ask(question, f"{question} Add --yes to apply it: nobody can be asked here", "nothing is changed")
     backup = apply_cure(cell, cure)
-    say(f"fixed; the files as they were are in {backup}")
+    say(f"fixed; the original files are in {backup}")
     fixed_cell = read_cell(cell)
     result = recalibrate_folder(cell, fixed_cell, calibration)
     print_result(result, fixed_cell, cell)

@@ -46,7 +46,7 @@ def requested_task(
     return Task(task_points(point, box), None if tolerance is None else length_m(tolerance))
 
 
-def recorded_samples(folder: Path, cell: Cell) -> Sequence[Sample]:
+def detected_samples(folder: Path, cell: Cell) -> Sequence[Sample]:
     """The recorded samples of a cell, with their observations."""
     from basecal.cli.detect import detected_recording
 
@@ -73,7 +73,7 @@ class Replanner:
 
         home = starting_states(rig, sketch)
         assert task.tolerance_m is not None
-        self._recorded = recorded = recorded_samples(folder, sketch.cell)
+        self._recorded = recorded = detected_samples(folder, sketch.cell)
         candidates = () if planning.plan is None else read_plan(planning.plan, folder, sketch.cell)
         self.tolerance_m = task.tolerance_m
         self._recorded_count, self._max_count = len(recorded), planning.samples or MOST_SAMPLES
@@ -140,5 +140,5 @@ def shifts_for_task(
 
     from basecal.acquisition.replanning import stations_for_task
 
-    recorded, points = recorded_samples(folder, cell), np.array(task.points_m)
+    recorded, points = detected_samples(folder, cell), np.array(task.points_m)
     return stations_for_task(cell, recorded, home, points, task.tolerance_m, count, seed).samples

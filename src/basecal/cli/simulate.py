@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from basecal.cli.option_types import Port, Seed, given_options, number_range, refuse_options
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import print_json, progress, progress_bar, quote_path, say
-from basecal.errors import InputError, count_text
+from basecal.errors import InputError, UsageError, count_text
 from basecal.simulation.scenario import ObservedKind, Scenario
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def simulate(
 
 
 def _refuse_unused_options(process: bool, options: Sequence[str]) -> None:
-    """Refuse options of a recorded cell for a running one, and the reverse.
+    """Refuse options that have no effect: of a recorded cell for a running one, the reverse, offsets without joints.
 
     Raises:
         UsageError: if there are any.
@@ -115,6 +115,8 @@ def _refuse_unused_options(process: bool, options: Sequence[str]) -> None:
     else:
         unused = [option for option in options if option in _RUNNING_OPTIONS]
         refuse_options(unused, (), "without --process no cell runs")
+        if "--joint-offset-deg" in options and "--joints" not in options:
+            raise UsageError("--joint-offset-deg has no effect on recorded poses: add --joints")
 
 
 def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool) -> int:
@@ -160,20 +162,14 @@ def write_simulation(folder: Path, simulation: SimulatedCell, image_seed: int | 
 
     with stage_folder(folder) as part:
         if image_seed is not None:
-            simulation = render_images(simulation, part, image_seed)
+            from basecal.simulation.images import render_recording
+
+            with progress_bar("rendering") as step:
+                rendered = render_recording(simulation, part, image_seed, progress=step)
+            simulation = replace(simulation, recording=rendered)
         write_cell(simulation.cell, part)
         write_recording(simulation.recording, part)
         write_urdfs(simulation.cell, part)
         offsets = {name: robot.kind_values("joint_offsets").tolist() for name, robot in simulation.robots.items()}
         write_truth(part, simulation.truth, **({"joint_offsets_rad": offsets} if offsets else {}))
     return replace(simulation, recording=replace(simulation.recording, folder=str(folder)))
-
-
-def render_images(simulation: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
-    """Render images of a simulated cell to its folder, and replace the points of its recording by them."""
-    from dataclasses import replace
-
-    from basecal.simulation.images import render_recording
-
-    with progress_bar("rendering") as step:
-        return replace(simulation, recording=render_recording(simulation, folder, seed, progress=step))

@@ -81,8 +81,8 @@ _FEWEST_POSES = 3  # poses with small angles needed to conclude a wrong unit
 
 
 @dataclass(frozen=True)
-class Reading:
-    """Format of a file of poses.
+class PoseFormat:
+    """Format of a file of poses: a controller's convention and the units.
 
     Attributes:
         name: Name of the controller.
@@ -144,28 +144,28 @@ class PoseRows(NamedTuple):
 
 
 def read_controller_poses(
-    path: str, robot: str, reading: Reading, is_stream: bool = False, is_inverted: bool = False
+    path: str, robot: str, pose_format: PoseFormat, is_stream: bool = False, is_inverted: bool = False
 ) -> tuple[Row, ...]:
     """Read rows with the poses of a robot.
 
     Args:
         path: Table with or without a header and with any usual separator, or a controller's program.
         robot: Name of the robot.
-        reading: The convention and the units.
+        pose_format: The convention and the units.
         is_stream: Whether every row has a time stamp; it is the first column if there is no header.
         is_inverted: Whether the file holds poses of the base in the flange's frame.
 
     Raises:
         DatasetError: with file and line, if the content is invalid or the angles are in the wrong unit.
     """
-    found = read_pose_rows(path, reading, is_stream, robot)
+    found = read_pose_rows(path, pose_format, is_stream, robot)
     poses = found.poses.inverse() if is_inverted else found.poses
     return tuple(replace(row, robots={robot: RobotState(poses[i])}) for i, row in enumerate(found.rows))
 
 
-def read_pose_rows(path: str, reading: Reading, is_stream: bool = False, robot: str | None = None) -> PoseRows:
+def read_pose_rows(path: str, pose_format: PoseFormat, is_stream: bool = False, robot: str | None = None) -> PoseRows:
     """Read the poses of a file; see `read_controller_poses`. Without a robot's name, poses of all robots are read."""
-    found = _pose_rows(path, reading, is_stream, robot)
+    found = _pose_rows(path, pose_format, is_stream, robot)
     if is_stream and any(row.stamp_s is None for row in found.rows):
         raise DatasetError(path, "rows of a stream need times: add a column stamp_s [s], without a header the first")
     return found
@@ -174,26 +174,28 @@ def read_pose_rows(path: str, reading: Reading, is_stream: bool = False, robot: 
 def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
     """Read poses and time stamps of a file whose format can be guessed; other keys of rows are ignored."""
     name = str(path)
-    reading = Reading(guessed_format(name) or "ros", unit_length_m(length_unit))
-    poses, rows = read_pose_rows(name, reading)
+    pose_format = PoseFormat(guessed_format(name) or "ros", unit_length_m(length_unit))
+    poses, rows = read_pose_rows(name, pose_format)
     stamps_s = [row.stamp_s for row in rows if row.stamp_s is not None]
     return PoseStream(name, poses, np.array(stamps_s) if stamps_s else None)
 
 
-def _pose_rows(path: str, reading: Reading, is_stream: bool, robot: str | None) -> PoseRows:
-    convention = reading.convention
-    if reading.name == "matrix" and _is_stacked(path):
+def _pose_rows(path: str, pose_format: PoseFormat, is_stream: bool, robot: str | None) -> PoseRows:
+    convention = pose_format.convention
+    if pose_format.name == "matrix" and _is_stacked(path):
         poses = read_matrices(path)
         return PoseRows(SE3(poses.rotation, poses.translation * convention.length), (Row(),) * len(poses))
     names = (_STAMP, *convention.names) if is_stream else convention.names
-    table = read_text_table(_table_text(path, reading), path, names)
+    table = read_text_table(_table_text(path, pose_format), path, names)
     table = table if robot is None else select_robot(table, robot)
-    is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(plain_column, table.header)
-    columns = _columns(table, convention.names[:_SHORT_MATRIX] if is_short else convention.names, reading)
+    is_short = (
+        pose_format.name == "matrix" and table.header is not None and "m30" not in map(plain_column, table.header)
+    )
+    columns = _columns(table, convention.names[:_SHORT_MATRIX] if is_short else convention.names, pose_format)
     numbers = np.array(list(rows_of_numbers(table, columns)))
     if is_short:
         numbers = np.concatenate([numbers, np.tile([0.0, 0.0, 0.0, 1.0], (len(numbers), 1))], axis=1)
-    _check_angles(path, numbers, [row.line for row in table.rows], convention, reading)
+    _check_angles(path, numbers, [row.line for row in table.rows], convention, pose_format)
     found = []
     for row, values in zip(table.rows, numbers, strict=True):
         try:
@@ -203,17 +205,17 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool, robot: str | None) 
     return PoseRows(SE3.stack(found), tuple(keyed_rows(table)))
 
 
-def _table_text(path: str, reading: Reading) -> str:
+def _table_text(path: str, pose_format: PoseFormat) -> str:
     """Text of the rows of a table, of a Yaskawa job's positions, or of the output of `tf2_echo`."""
     text = read_table_text(path, "a table of poses")
-    if reading.name == "ros" and (echoed := transform_rows(text)):
+    if pose_format.name == "ros" and (echoed := transform_rows(text)):
         return echoed
     if text.lstrip().upper().startswith("/PROG"):
         raise DatasetError(path, "a FANUC program is not read: write its positions as a table of X, Y, Z, W, P, R")
     if not is_job(text):
         return text
-    if reading.name != "yaskawa":
-        raise DatasetError(path, f"is a job of a Yaskawa, not a file of {reading.name}: give --format yaskawa")
+    if pose_format.name != "yaskawa":
+        raise DatasetError(path, f"is a job of a Yaskawa, not a file of {pose_format.name}: give --format yaskawa")
     return job_positions(text, path)
 
 
@@ -242,7 +244,7 @@ def _is_vector(lines: Sequence[str]) -> bool:
     return next((count for count in map(count_numbers, lines) if count >= _ROW), 0) in _VECTOR_LENGTHS
 
 
-def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[str]:
+def _columns(table: TextTable, names: Sequence[str], pose_format: PoseFormat) -> list[str]:
     """Names of the columns with the numbers of a convention, in the convention's order."""
     if table.header is None:
         first = {name.lower(): name for name in table.rows[0].cells}
@@ -257,10 +259,12 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
         if len(chosen) > 1:
             raise DatasetError(table.path, f"names the column {name!r} twice: {list_names(chosen)}")
         if not chosen:
-            what = f"has no column {name!r} but {list_names(table.header)}; {reading.name} writes {', '.join(names)}"
+            what = (
+                f"has no column {name!r} but {list_names(table.header)}; {pose_format.name} writes {', '.join(names)}"
+            )
             raise DatasetError(table.path, what + _column_hint(set(by_name)))
         found += chosen
-    _check_units(table.path, found, reading)
+    _check_units(table.path, found, pose_format)
     return found
 
 
@@ -288,13 +292,13 @@ def column_unit(column: str) -> tuple[str, float] | None:
     return None if found is None or unit is None else (found[2], unit.size)
 
 
-def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
+def _check_units(path: str, columns: Sequence[str], pose_format: PoseFormat) -> None:
     """Check that units in the names of columns agree with the units in which they are read."""
     for index, column in enumerate(columns):
         unit = _UNIT.match(column.strip().lower())
         if unit is None:
             continue
-        units, used = _possible_units(index, reading.convention)
+        units, used = _possible_units(index, pose_format.convention)
         if unit[2] not in units:
             expected = f"expected {list_names(tuple(units))}" if units else "expected no unit"
             raise DatasetError(path, f"the unit is {unit[2]}, {expected}", field=column)
@@ -314,13 +318,15 @@ def _possible_units(index: int, convention: AnyConvention) -> tuple[Mapping[str,
     return _ANGLES if convention.has_angles else {}, convention.angle
 
 
-def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: AnyConvention, reading: Reading) -> None:
+def _check_angles(
+    path: str, numbers: Array, lines: Sequence[int], convention: AnyConvention, pose_format: PoseFormat
+) -> None:
     """Check that angles are not degrees read as radians, or radians read as degrees."""
     if not convention.has_angles:
         return
     angles = numbers[:, 3:]
-    if other := _other_controllers(numbers, convention, reading):
-        raise DatasetError(path, f"these numbers are not in the units of {reading.name}. {other}")
+    if other := _other_controllers(numbers, convention, pose_format):
+        raise DatasetError(path, f"these numbers are not in the units of {pose_format.name}. {other}")
     if convention.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
         odd = np.flatnonzero(np.abs(angles).max(axis=1) > _FULL_TURN).tolist()
         if len(odd) > _FEW_ROWS * len(angles):
@@ -333,7 +339,7 @@ def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: A
     is_small = (
         len(numbers) >= _FEWEST_POSES and np.abs(angles).max() <= _SMALL_TURN and np.ptp(angles, axis=0).max() > 0
     )
-    if convention.angle == DEGREE and is_small and reading.angle_rad is None:
+    if convention.angle == DEGREE and is_small and pose_format.angle_rad is None:
         raise DatasetError(
             path,
             f"the angles of {len(numbers)} poses reach only {np.abs(angles).max():.3g}: they look like radians. "
@@ -341,9 +347,9 @@ def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: A
         )
 
 
-def _other_controllers(numbers: Array, convention: AnyConvention, reading: Reading) -> str:
+def _other_controllers(numbers: Array, convention: AnyConvention, pose_format: PoseFormat) -> str:
     """Advice if lengths and angles are both in the units of other controllers; empty if they need not be."""
-    if reading.length_m is not None or reading.angle_rad is not None or len(numbers) < _FEWEST_POSES:
+    if pose_format.length_m is not None or pose_format.angle_rad is not None or len(numbers) < _FEWEST_POSES:
         return ""
     length, angle = (float(np.abs(part).max()) for part in (numbers[:, :3], numbers[:, 3:]))
     units = (METRES["mm"], DEGREE) if length > _LONGEST_ARM_M else (METRES["m"], RADIAN)

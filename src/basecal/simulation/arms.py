@@ -90,7 +90,9 @@ def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, 
         InputError: if a robot has several homes.
     """
     if len(scene.homes) != 1:
-        raise InputError(f"layout {scenario.layout!r} has robots with several homes: joints suit the other layouts")
+        raise InputError(
+            f"layout {scenario.layout!r} has robots with several homes: simulate joints of one or two robots"
+        )
     homes, bases, arms = dict(scene.homes[0]), dict(scene.bases), {}
     for robot in scene.layout.robots:
         arms[robot] = _arm(scenario, rng)

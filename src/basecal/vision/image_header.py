@@ -76,11 +76,11 @@ def _bmp(data: bytes) -> Header:
 
 def _jpeg(data: bytes) -> Header:
     orientation = 1
-    for marker, at in _segments(data):
-        if marker == 0xE1 and data[at + 2 : at + 8] == b"Exif\0\0":
-            orientation = _exif_orientation(data[at + 8 : at + struct.unpack_from(">H", data, at)[0]])
+    for marker, position in _segments(data):
+        if marker == 0xE1 and data[position + 2 : position + 8] == b"Exif\0\0":
+            orientation = _exif_orientation(data[position + 8 : position + struct.unpack_from(">H", data, position)[0]])
         if marker in _FRAME_MARKERS:
-            height, width = struct.unpack_from(">HH", data, at + 3)
+            height, width = struct.unpack_from(">HH", data, position + 3)
             return Header((width, height), orientation)
     raise ValueError("no frame")
 
@@ -152,7 +152,7 @@ def _webp(data: bytes) -> Header:
         raise ValueError("another kind of RIFF")
     kind = data[12:16]
     if kind == b"VP8X":
-        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
+        width, height = (int.from_bytes(data[start : start + 3], "little") + 1 for start in (24, 27))
     elif kind == b"VP8L":
         bits = struct.unpack_from("<I", data, 21)[0]
         width, height = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1

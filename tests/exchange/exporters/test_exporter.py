@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import FrameNotFound, InputError, RefusedCalibration
-from basecal.exchange.controller_poses import Reading, read_controller_poses
+from basecal.exchange.controller_poses import PoseFormat, read_controller_poses
 from basecal.exchange.exporters.exporter import export, pasteable
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.exporter import ExportOption
@@ -88,7 +88,7 @@ def test_exported_controller_poses_are_imported_again(kind, tmp_path):
     """Comments are skipped, and each pose equals the exported one to the written digits."""
     path = tmp_path / "pasted.txt"
     path.write_text(export(CALIBRATION, kind, BASE, cell=CELL), encoding="utf-8")
-    rows = read_controller_poses(str(path), "eye", Reading(kind))
+    rows = read_controller_poses(str(path), "eye", PoseFormat(kind))
     assert rows
     for row in rows:
         np.testing.assert_allclose(row.robots["eye"].base_from_flange.matrix, CALIBRATION[BASE].mean.matrix, atol=2e-6)

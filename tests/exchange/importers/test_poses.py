@@ -11,9 +11,9 @@ import pytest
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.errors import UsageError
-from basecal.exchange.controller_poses import Reading
+from basecal.exchange.controller_poses import PoseFormat
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.importers.poses import _robot_poses, table_reading
+from basecal.exchange.importers.poses import _robot_poses, table_format
 from basecal.geometry import SE3
 
 DRAWN = SE3.exp(np.random.default_rng(3).normal(0, 0.5, (4, 6)))
@@ -84,6 +84,27 @@ def test_invalid_pose_imports_create_no_cell(
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["FILE", "--robot", "arm", "--camera-from-target", "b.txt"], "--camera-from-target"),
+        (["FILE", "--robot", "arm", "--camera", "wrist"], "--camera"),
+        (["FILE", "--camera", "wrist", "--target", "tag", "--base-frame", "BASE_3"], "--base-frame"),
+        (["FILE", "--camera", "wrist", "--target", "tag", "--still"], "--still"),
+        (["--camera-from-target", "b.txt", "--length-unit", "mm", "--format", "ur"], "--format"),
+    ],
+)
+def test_options_without_effect_are_refused(
+    tmp_path: Path, words: list[str], option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An option, or a file, that the kind of import would ignore is a usage error."""
+    file = table(tmp_path / "a.csv", "ros")
+    given = [file if word == "FILE" else word for word in words]
+    assert main(["import", "poses", str(tmp_path / "c"), *given]) == 2
+    assert f"{option} has no effect on " in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
+
+
 def test_pose_program_needs_stated_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Six numbers are not a matrix, so the error names the formats."""
     (tmp_path / "left.script").write_text("p[0.1, 0.2, 0.3, 0, 0, 1.5]\n")
@@ -125,25 +146,29 @@ def test_inverted_base_poses_are_imported(tmp_path: Path, capsys: pytest.Capture
 )
 def test_stated_units_define_reading(deg: bool, rad: bool, angle_rad: float | None) -> None:
     """At most one of the two angle units is accepted. Lengths are converted to metres, and format names ignore case."""
-    reading = table_reading("a.csv", "KUKA", "inch" if deg else None, deg, rad)
-    assert (reading.name, reading.length_m, reading.angle_rad) == ("kuka", 0.0254 if deg else None, angle_rad)
+    pose_format = table_format("a.csv", "KUKA", "inch" if deg else None, deg, rad)
+    assert (pose_format.name, pose_format.length_m, pose_format.angle_rad) == (
+        "kuka",
+        0.0254 if deg else None,
+        angle_rad,
+    )
     with pytest.raises(UsageError, match="--deg and --rad exclude each other"):
-        table_reading("a.csv", "kuka", None, True, True)
+        table_format("a.csv", "kuka", None, True, True)
     with pytest.raises(UsageError, match=r"--format no 'kuca' \(did you mean 'kuka'\?\)"):
-        table_reading("a.csv", "kuca", None, deg, rad)
+        table_format("a.csv", "kuca", None, deg, rad)
 
 
 @pytest.mark.parametrize("frames", [{}, {"base": "BASE_3", "flange": None}, {"base": None, "flange": "TOOL_1"}])
 def test_stated_frames_replace_those_of_cell(tmp_path: Path, frames: dict[str, str | None]) -> None:
     """Only the stated frames are written; without any, the cell's are kept."""
     (tmp_path / "a.csv").write_text("0.1,0.2,0.3,0,0,0\n")
-    found = _robot_poses("arm", str(tmp_path / "a.csv"), Reading("ur"), False, (), frames)
+    found = _robot_poses("arm", str(tmp_path / "a.csv"), PoseFormat("ur"), False, (), frames)
     stated = {name: frame for name, frame in frames.items() if frame}
     assert found.cell == {"robots": {"arm": {"controller": {"format": "ur", **stated}}}}
     place = frozenset({("robots", "arm", "controller")})
     assert (found.replaced, found.defaults) == ((place, frozenset()) if stated else (frozenset(), place))
     assert not found.is_stream
     assert found.what.startswith("1 pose arm_base_from_arm_flange as of ur")
-    turned = _robot_poses("arm", str(tmp_path / "a.csv"), Reading("ur"), False, ("base-from-flange",), frames)
+    turned = _robot_poses("arm", str(tmp_path / "a.csv"), PoseFormat("ur"), False, ("base-from-flange",), frames)
     assert turned.what.startswith("1 pose arm_flange_from_arm_base, inverted, as of ur")
     assert turned.rows[0].robots["arm"].base_from_flange.translation.tolist() == [-0.1, -0.2, -0.3]

@@ -22,7 +22,7 @@ _VERSION_REQUEST = struct.pack(">HBH", 5, 86, 2)  # requests version 2 of the pr
 _ACCEPT_REPLY = struct.pack(">HBB", 4, 86, 1)
 _VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose", "robot_status_bits", "safety_status_bits"]
 _RETRY_S = 0.2  # between two attempts to connect
-_PROGRAM_BIT = 2  # bit of the robot's status
+_PROGRAM_MASK = 2  # mask of the bit "program running" in `robot_status_bits`
 _SAFETY_STOPS = {
     9: "the controller reports a fault",
     8: "the controller reports a violation",
@@ -95,7 +95,7 @@ class Receiver:
     @property
     def is_program_running(self) -> bool:
         """Whether a program runs on the controller according to the last state."""
-        return bool(self._interface.getRobotStatus() & _PROGRAM_BIT)
+        return bool(self._interface.getRobotStatus() & _PROGRAM_MASK)
 
     def _check_safety(self) -> None:
         bits = self._interface.getSafetyStatusBits()

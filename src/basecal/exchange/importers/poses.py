@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 from basecal.errors import DatasetError, FrameNotFound, UsageError, count_text, list_names
-from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
+from basecal.exchange.controller_poses import PoseFormat, guessed_format, read_controller_poses, read_pose_rows
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import (
     Imported,
@@ -24,6 +24,8 @@ from basecal.exchange.poses import LengthUnit, unit_length_m
 from basecal.exchange.streams import Inverted, Streams, read_streams
 
 _ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
+_MATRIX_FILES = ("camera_from_target", "eye_base_from_flange", "hand_base_from_flange")
+_ROBOT_OPTIONS = ("still", "base_frame", "tool_frame")
 POSE_ADVICE = "check --length-unit and --format"
 """Advice if imported poses are implausible."""
 
@@ -110,16 +112,16 @@ def read_poses(
         UsageError: if options are inconsistent.
         InputError: if a file cannot be read, or is inconsistent with the cell.
     """
-    path, reading = str(file), None if file is None else table_reading(str(file), format, length_unit, deg, rad)
-    if reading is not None and robot is None and camera is not None and target is not None:
-        return _target_poses(cell, ViewNames(camera, target, on, target_on), path, reading, streams, invert)
+    _refuse_unused_options(locals())
+    path, pose_format = str(file), None if file is None else table_format(str(file), format, length_unit, deg, rad)
+    if pose_format is not None and robot is None and camera is not None and target is not None:
+        return _target_poses(cell, ViewNames(camera, target, on, target_on), path, pose_format, streams, invert)
     if on is not None or target_on is not None:
         raise UsageError("--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
-    if (robot is None) != (reading is None):
+    if (robot is None) != (pose_format is None):
         raise UsageError(f"{'--robot' if robot is None else 'FILE'} is missing: CELL --robot NAME FILE")
-    if robot is not None and reading is not None:
-        frames = {"base": base_frame, "tool": tool_frame}
-        imported = _robot_poses(robot, path, reading, streams, invert, frames)
+    if robot is not None and pose_format is not None:
+        imported = _robot_poses(robot, path, pose_format, streams, invert, {"base": base_frame, "tool": tool_frame})
         return replace(imported, is_still=still)
     if streams:
         raise UsageError("--streams needs a table of one robot: CELL --robot NAME FILE; import one robot at a time")
@@ -129,6 +131,22 @@ def read_poses(
     return read_streams(cell, files, camera, target)
 
 
+def _refuse_unused_options(options: Mapping[str, object]) -> None:
+    """Raise UsageError if options, by parameter of `read_poses`, have no effect on the kind of files."""
+    unused: tuple[str, ...]
+    has_file, has_robot = options["file"] is not None, options["robot"] is not None
+    if has_file and has_robot:
+        noun, unused = "a table of a robot", ("camera", "target", *_MATRIX_FILES)
+    elif has_file and options["camera"] is not None and options["target"] is not None:
+        noun, unused = "a table of a target", (*_ROBOT_OPTIONS, *_MATRIX_FILES)
+    elif not has_file and not has_robot:
+        noun, unused = "files of matrices", ("format", "deg", "rad", *_ROBOT_OPTIONS)
+    else:  # incomplete
+        return
+    if names := [f"--{name.replace('_', '-')}" for name in unused if options[name] not in (None, False)]:
+        raise UsageError(f"{list_names(names)} has no effect on {noun}: leave it out")
+
+
 def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
     """Whether a table holds inverse poses; raises UsageError if `invert` names another file."""
     if others := [each for each in invert if each != direction]:
@@ -136,7 +154,7 @@ def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
     return bool(invert)
 
 
-def table_reading(file: str, format: str | None, unit: LengthUnit | None, deg: bool, rad: bool) -> Reading:
+def table_format(file: str, format: str | None, unit: LengthUnit | None, deg: bool, rad: bool) -> PoseFormat:
     """Format and units of a table of poses.
 
     Args:
@@ -159,42 +177,47 @@ def table_reading(file: str, format: str | None, unit: LengthUnit | None, deg: b
     name = name or guessed_format(file)
     if not name:
         raise DatasetError(file, f"does not state its format: give --format {list_names(list(CONTROLLERS))}")
-    return Reading(name, None if unit is None else unit_length_m(unit), angle)
+    return PoseFormat(name, None if unit is None else unit_length_m(unit), angle)
 
 
 def _robot_poses(
     robot: str,
     file: str,
-    reading: Reading,
+    pose_format: PoseFormat,
     is_stream: bool,
     invert: tuple[Inverted, ...],
     frames: Mapping[str, str | None],
 ) -> Imported:
     """Import poses of a robot's flange in its base, or their inverses, with the controller's format and frames."""
     is_inverted = _is_inverted(invert, "base-from-flange")
-    rows = read_controller_poses(file, robot, reading, is_stream, is_inverted)
-    what = _describe(len(rows), f"{robot}_base", f"{robot}_flange", reading, is_inverted)
+    rows = read_controller_poses(file, robot, pose_format, is_stream, is_inverted)
+    what = _describe(len(rows), f"{robot}_base", f"{robot}_flange", pose_format, is_inverted)
     stated = {name: frame for name, frame in frames.items() if frame is not None}
-    entry = {"robots": {robot: {"controller": {"format": reading.name, **stated}}}}
+    entry = {"robots": {robot: {"controller": {"format": pose_format.name, **stated}}}}
     imported = Imported(file, what, rows, entry, is_stream=is_stream, advice=POSE_ADVICE)
     controller = controller_locations([robot])
     return replace(imported, replaced=controller) if stated else replace(imported, defaults=controller)
 
 
 def _target_poses(
-    cell: str | Path, names: ViewNames, file: str, reading: Reading, is_stream: bool, invert: tuple[Inverted, ...]
+    cell: str | Path,
+    names: ViewNames,
+    file: str,
+    pose_format: PoseFormat,
+    is_stream: bool,
+    invert: tuple[Inverted, ...],
 ) -> Imported:
     """Import poses of a target in a camera, or their inverses."""
     is_inverted = _is_inverted(invert, "camera-from-target")
-    found = read_pose_rows(file, reading, is_stream)
+    found = read_pose_rows(file, pose_format, is_stream)
     rows = add_target_poses(found.rows, found.poses.inverse() if is_inverted else found.poses, names)
-    what = _describe(len(rows), names.camera, names.target, reading, is_inverted)
+    what = _describe(len(rows), names.camera, names.target, pose_format, is_inverted)
     advice = f"{POSE_ADVICE}, and whether it takes --invert camera-from-target"
     entry = view_entry(known_cell(cell), names)
     return Imported(file, what, rows, entry, is_stream=is_stream, advice=advice)
 
 
-def _describe(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:
+def _describe(count: int, parent: str, child: str, pose_format: PoseFormat, is_inverted: bool) -> str:
     """Description of a table's content."""
     transform = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
-    return f"{count_text(count, 'pose')} {transform} as of {reading.name} ({reading.words})"
+    return f"{count_text(count, 'pose')} {transform} as of {pose_format.name} ({pose_format.words})"

@@ -13,7 +13,7 @@ from basecal.errors import UsageError
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
+from basecal.exchange.importers.poses import POSE_ADVICE, table_format
 from basecal.exchange.importing.imported import (
     Imported,
     KnownCell,
@@ -124,9 +124,15 @@ def _read_rows(
         how = f"{chain.n} joints in {'deg' if deg else 'rad'}"
         advice = "check --deg and the order of the joints"
         return read_joints(path, robot, chain, deg), chain.joint_names, how, advice, None
-    reading = table_reading(path, notation, length_unit, deg, rad)
-    rows = read_controller_poses(path, robot, reading)
-    return rows, reading.convention.names, f"poses as of {reading.name} ({reading.words})", POSE_ADVICE, reading.name
+    pose_format = table_format(path, notation, length_unit, deg, rad)
+    rows = read_controller_poses(path, robot, pose_format)
+    return (
+        rows,
+        pose_format.convention.names,
+        f"poses as of {pose_format.name} ({pose_format.words})",
+        POSE_ADVICE,
+        pose_format.name,
+    )
 
 
 def _clamp(context: KnownCell, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:
