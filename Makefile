@@ -18,7 +18,7 @@ help:
 	@echo "make setup      .venv with the package (editable) and what the tests need"
 	@echo "make demo       run two simulated arms, capture, calibrate, compare with the truth; installs the core alone"
 	@echo "make test       the fast tests;   make test-slow   the statistics"
-	@echo "make journeys   whole ways of users: browsers, several commands, copies of the tree"
+	@echo "make journeys   longer tests: whole calibrations, browsers, several commands"
 	@echo "make safety     links, controllers and processes that fail while arms move; deadlines: run nothing else beside it"
 	@echo "make torment    damaged input, faults and hostile words, until SECONDS are over (else until Ctrl-C); SEED=0"
 	@echo "make wheels     the wheel in empty environments: the lowest versions allowed, and each Python from 3.11"

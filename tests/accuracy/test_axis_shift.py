@@ -52,6 +52,7 @@ def codes(calibration):
     return [(f.code, f.severity) for f in calibration.findings]
 
 
+@pytest.mark.journey
 def test_covariance_matches_pixel_noise():
     """Over 30 draws the scatter of the base matches its random covariance: the mean square is 1 within 0.6.
 
@@ -245,6 +246,7 @@ def test_inapplicable_calibrations_have_no_comparison(shifted):
     assert compare_closed_form(shifted.cell, shifted.recording, Calibration("refused")) is None
 
 
+@pytest.mark.journey
 def test_report_shows_both_methods(shifted):
     """The report shows the numbers of both methods and all stations; the one with the largest weight is marked."""
     calibration = calibrate(shifted.cell, shifted.recording)

@@ -78,6 +78,7 @@ def test_still_eye_leaves_mount_and_base_unobservable():
     assert list(calibration.transforms) == ["hand_flange_from_board"]
 
 
+@pytest.mark.journey
 def test_still_hand_with_known_base_leaves_mounts_observable():
     """With the base fixed, one moving arm shows both mounts; the convention of the still hand's pose stays open."""
     s = simulate(Scenario(arms="hand_still", base="fixed"), seed=0)
@@ -86,6 +87,7 @@ def test_still_hand_with_known_base_leaves_mounts_observable():
     assert codes(calibration) == {"ambiguous-convention", "noise-not-identifiable"}
 
 
+@pytest.mark.journey
 def test_clean_cell_is_good_with_diagnostics():
     """A well-posed cell is good, with residuals, pose consistency errors and condition."""
     s = simulate(Scenario(), seed=0)
@@ -99,6 +101,7 @@ def test_clean_cell_is_good_with_diagnostics():
     assert calibration.joint_covariance.shape == (18, 18)
 
 
+@pytest.mark.journey
 def test_wrong_board_size_is_named():
     """Squares half as large as stated do not fit moving arms: refused, and the size is named."""
     s = simulate(Scenario(), seed=0)
@@ -120,6 +123,7 @@ def test_fixed_cell_is_checked_as_stated(arms):
     assert 0.1 < calibration.residuals.rms_px < 0.3
 
 
+@pytest.mark.journey
 def test_bumped_arm_is_named():
     """One pose of thirty 20 mm and 20 mrad off, with 0.1 mm of stated noise, is doubtful and its sample named."""
     s = simulate(Scenario(robot_noise=(1e-4, 2e-4)), seed=0)
@@ -133,6 +137,7 @@ def test_bumped_arm_is_named():
     assert "12" in finding.about
 
 
+@pytest.mark.journey
 def test_contradicted_sigmas_are_reported():
     """Pixels four times noisier than stated are a poor fit and doubtful, with sigmas of the true noise."""
     s = simulate(Scenario(pixel_px=0.8, samples=15), seed=0)
@@ -144,6 +149,7 @@ def test_contradicted_sigmas_are_reported():
     assert np.all(wrong[name].sigma_t > 0.8 * true[name].sigma_t)
 
 
+@pytest.mark.journey
 def test_loop_errors_use_recorded_poses():
     """Robots off by 0.3 mm per axis leave loop errors of about 0.3 sqrt(6) mm, though pixels fit to the noise."""
     s = simulate(Scenario(robot_noise=(3e-4, 0.0), samples=60), seed=0)
@@ -184,6 +190,7 @@ def test_implausible_robot_noise_is_poor_fit():
     assert "poor-fit" in codes(calibration)
 
 
+@pytest.mark.journey
 def test_few_stops_noise_is_partly_assumed():
     """With eleven stops the robots are not assumed exact, and a finding reports that their noise is partly a guess."""
     s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=11), seed=0)
@@ -194,6 +201,7 @@ def test_few_stops_noise_is_partly_assumed():
     assert "11 stops of eye" in finding.message
 
 
+@pytest.mark.journey
 def test_exact_rotations_are_good():
     """Rotations by quarter turns, with residuals of exactly zero, and translations off by a millimetre are good."""
     turns = [SE3.from_rpy(np.pi / 2 * np.array(n), np.zeros(3)).rotation.round() for n in product(range(4), repeat=3)]
@@ -216,6 +224,7 @@ def test_exact_rotations_are_good():
     assert np.linalg.norm(error[3:]) < 1e-5
 
 
+@pytest.mark.journey
 def test_misleading_guesses_are_not_used():
     """Guesses rotated by 3 rad explain nothing, so the answer is that without them, and a finding reports it."""
     made = simulate(Scenario(samples=12), 3)

@@ -10,6 +10,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.geometry import SE3
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("axis", ["fixed", "free"])
 def test_part_in_both_grips_determines_base(axis):
     """With unknown grips the answer is good and the base within four sigmas.
@@ -26,6 +27,7 @@ def test_part_in_both_grips_determines_base(axis):
     assert found.noise["grip_rad"] == pytest.approx(1e-3, rel=0.5)
 
 
+@pytest.mark.journey
 def test_plane_and_two_marks_determine_base():
     """The plane fixes the rotation about the line of the marks: good, and the base within four sigmas."""
     shapes = {"floor": "plane", "mark_a": "point", "mark_b": "point"}
@@ -37,6 +39,7 @@ def test_plane_and_two_marks_determine_base():
     assert found.noise["touch_m"] == pytest.approx(2e-4, rel=0.5)
 
 
+@pytest.mark.journey
 def test_part_without_rotation_is_refused():
     """A part that never rotates is refused, with the missing direction and the motion that fixes it."""
     cell, rng = clamp_cell("fixed"), np.random.default_rng(1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import fit_details, view_poses
@@ -10,6 +11,7 @@ from basecal.accuracy.residuals.evaluation import evaluate_recording
 from basecal.simulation import Scenario, simulate
 
 
+@pytest.mark.journey
 def test_details_have_same_samples():
     """Points, poses and errors of a fit cover exactly the recorded samples."""
     made = simulate(Scenario(samples=10), 1)
@@ -20,6 +22,7 @@ def test_details_have_same_samples():
     assert np.all(points.used)
 
 
+@pytest.mark.journey
 def test_view_poses_equal_recorded_poses():
     """View poses of a cell with exact observed poses equal the recorded ones."""
     made = simulate(Scenario(samples=10, target="pose", pose_noise=(0.0, 0.0)), 1)

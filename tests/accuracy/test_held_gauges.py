@@ -60,6 +60,7 @@ def test_cells_without_free_gauge_hold_none(scenario):
     assert held_gauges(solve(made.cell, made.recording), [BASE]) == ()
 
 
+@pytest.mark.journey
 def test_calibration_separates_gauges():
     """Gauges are part of the covariance, but not of the meeting error or the difference of two runs."""
     made = simulate(OFFSETS, 2)

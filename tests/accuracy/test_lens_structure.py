@@ -62,6 +62,7 @@ def distort(cell, size=BEND):
     return replace(cell.recording, samples=tuple(samples))
 
 
+@pytest.mark.journey
 def test_correct_lens_model_has_no_structure():
     """Five recordings with the model's own lens show no structure, at a level of one in 10,000."""
     cells = (simulate_cell(seed, samples=20) for seed in range(5))

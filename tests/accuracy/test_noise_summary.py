@@ -51,6 +51,7 @@ def test_estimated_sigma_is_compared_with_detector():
     assert noise_summary(BARE.cell, BARE.recording, solution)["cameras"]["wrist"]["factor"] is None
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("by_poses", ["left_camera", "right_camera"])
 def test_view_sigma_uses_cameras_that_have_it(by_poses):
     """A view sigma is that of the cameras that have it, pixels or poses in either order; of two, the rms."""
@@ -82,6 +83,7 @@ def test_smooth_errors_have_length():
     assert "smooth" not in of["hand"]
 
 
+@pytest.mark.journey
 def test_joint_errors_state_effect_after_base_and_mount():
     """Joint offsets of a milliradian are listed with their effect after base and mount absorb most of it.
 
@@ -110,6 +112,7 @@ def test_noise_survives_file_and_report():
     assert "error of robot eye that is smooth over 0.7 m: 0.10 mm, 0.20 mrad" in text
 
 
+@pytest.mark.journey
 def test_few_samples_leave_sigmas_uncertain():
     """The rms factor over likely sigmas is little above 1 for 30 samples, and larger for four."""
     factors = []

@@ -108,6 +108,7 @@ def test_link_parameter_errors_match_sigmas():
     assert 0.4 < np.mean(np.square(errors)) < 1.8
 
 
+@pytest.mark.journey
 def test_offset_is_seen_from_half_prior_variance():
     """An offset is seen if the data hold as much information as its prior.
 

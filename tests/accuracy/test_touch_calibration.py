@@ -13,6 +13,7 @@ from basecal.accuracy.calibrate import calibrate
 PLATE = {"socket_1": [0.0, 0.0, 0.0], "socket_2": [0.35, 0.0, 0.0], "socket_3": [0.1, 0.3, 0.05]}
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("is_stated", [True, False])
 def test_three_marks_determine_base(is_stated):
     """With unknown tips and marks the answer is good, the base within four sigmas, and the noise correct."""
@@ -26,6 +27,7 @@ def test_three_marks_determine_base(is_stated):
     assert {"eye_flange_from_eye_tip", "eye_base_from_mark_c"} <= found.points
 
 
+@pytest.mark.journey
 def test_two_marks_leave_rotation_about_line():
     """Two marks are refused, and the unobservable direction is the line through them."""
     marks = {name: MARKS[name] for name in ("mark_a", "mark_b")}
@@ -40,6 +42,7 @@ def test_two_marks_leave_rotation_about_line():
     )
 
 
+@pytest.mark.journey
 def test_plate_is_one_body():
     """Marks of a plate keep their distances, and no finding concerns their priors."""
     cell = touch_cell((), marks={"plate": {"points_m": PLATE}})
@@ -50,6 +53,7 @@ def test_plate_is_one_body():
     assert found["eye_base_from_plate"].mean.translation == pytest.approx([0.3, -0.2, 0.1], abs=1e-3)
 
 
+@pytest.mark.journey
 def test_touch_of_wrong_mark_is_left_out():
     """One of 36 touches with a wrong mark name is left out and named, and the answer is that of the others."""
     cell, lines = touch_cell(), touch_lines(np.random.default_rng(5), 36, 2e-4)
@@ -61,6 +65,7 @@ def test_touch_of_wrong_mark_is_left_out():
     assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(found[BASE].covariance)))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", [1, 4])
 def test_moved_mark_is_named(seed):
     """A mark moved by 5 mm at half time is named with its distance, as a step or by left-out touches."""
@@ -74,6 +79,7 @@ def test_moved_mark_is_named(seed):
     assert "sample 20" in finding.message
 
 
+@pytest.mark.journey
 def test_bent_tip_is_named(monkeypatch):
     """A tip bent by 5 mm at half time is named from its first touch after that on, without a rotation."""
     lines = touch_lines(np.random.default_rng(3), 36, 2e-4)

@@ -34,6 +34,7 @@ def journal(folder):
     return (folder / "recording" / "samples.jsonl").read_text().splitlines()
 
 
+@pytest.mark.journey
 def test_plan_is_captured(tmp_path):
     """Each reported sample is in the journal with its image, states near its plan, and observations."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
@@ -52,6 +53,7 @@ def test_plan_is_captured(tmp_path):
     assert sorted(recording.samples, key=lambda s: s.stamp_s) == list(recording.samples)
 
 
+@pytest.mark.journey
 def test_led_is_captured_on_and_off(tmp_path):
     """Each stop has an image with the LED on and one with it off, and the LED is on at the end."""
     with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
@@ -63,6 +65,7 @@ def test_led_is_captured_on_and_off(tmp_path):
         assert (tmp_path / sample.background["wrist"]).exists()
 
 
+@pytest.mark.journey
 def test_capture_resumes_without_duplicates(tmp_path):
     """A capture that ended after one of two samples takes the other, and reports a truncated line."""
     with running(tmp_path) as world:
@@ -97,6 +100,7 @@ class Frozen:
         return replace(self._image, stamp_s=time.monotonic())
 
 
+@pytest.mark.journey
 def test_image_of_an_earlier_capture_is_not_reused(tmp_path):
     """A camera that froze before an interruption yields no sample after it."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
@@ -128,6 +132,7 @@ class LedArm:
         self.arm.close()
 
 
+@pytest.mark.journey
 def test_hand_guided_arm_is_recorded_at_its_place(tmp_path):
     """The arm is free before each sample and held again; the recorded place is the guided, not the proposed one."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
@@ -157,6 +162,7 @@ def test_unusable_samples_are_given_up(tmp_path):
         assert store_plan(tmp_path, world.cell, plan[:1])[0].sample == 3
 
 
+@pytest.mark.journey
 def test_blurred_images_are_refused(tmp_path, monkeypatch):
     """An image whose edges are wider in one direction than in another is too blurred, and not recorded."""
     monkeypatch.setattr(module, "edge_width", lambda grey, pixels: EdgeWidth(3.0, 5.2))

@@ -107,6 +107,7 @@ class Person:
         return self.robot.state()
 
 
+@pytest.mark.journey
 def test_cell_is_captured_by_hand(tmp_path):
     """Each place at which the arms are held becomes a sample with its image; only the person moves them."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:

@@ -156,6 +156,7 @@ def test_single_image_of_a_folder_is_accepted():
     assert wait_for_image(film, [], 5.0).stamp_s == pytest.approx(1 / 30)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("target", "places"), [pytest.param("charuco", 10, marks=pytest.mark.slow), ("led", 1)])
 def test_images_are_taken_after_ringing(tmp_path, target, places):
     """After arrival, each image was taken after the ringing ended, and at most 0.3 s later."""

@@ -31,6 +31,7 @@ BOARD, LENS = WORLD.cell.targets["board"].target, WORLD.lenses["wrist"]
 VIEW = ("wrist", "board")
 
 
+@pytest.mark.journey
 def test_steps_of_a_sample_are_reported(tmp_path):
     """Waiting and detecting are reported when they begin; arms that stay are not reported to move."""
     told = []
@@ -40,6 +41,7 @@ def test_steps_of_a_sample_are_reported(tmp_path):
     assert sample.observations[0].target == "board"
 
 
+@pytest.mark.journey
 def test_states_images_and_goals_are_shown(tmp_path):
     """The view of a capture gets the state and goal of each arm, and the image of the sample."""
     watch = Watch()
@@ -95,6 +97,7 @@ class LateEye:
         self.camera.close()
 
 
+@pytest.mark.journey
 def test_background_is_exposed_with_the_led_off(tmp_path):
     """An image on its way when the LED was switched off is not accepted; the reason is reported."""
     reports = []
@@ -195,6 +198,7 @@ class Frozen:
         pass
 
 
+@pytest.mark.journey
 def test_repeated_image_ends_the_capture(tmp_path):
     """A repeated image after a motion is an error; without a motion the sample equals the other."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
@@ -228,6 +232,7 @@ def is_blurred(before, away_m=0.65, way=(0.0, 0.0), blur_px=0.5):
     return before.is_blurred(VIEW, edge_width(image, pixels), pixels, BOARD.points)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("blur_px", [0.5, 4.0])
 def test_uniform_blur_is_no_motion(blur_px):
     """A lens with uniform blur passes, sharp or out of focus by a point spread of 4 px."""
@@ -240,6 +245,7 @@ def test_motion_across_one_family_of_edges_is_found():
     assert is_blurred(Sharpness(), way=(4.0, 0.0))
 
 
+@pytest.mark.journey
 def test_motion_across_all_edges_is_found_beside_a_sharp_view():
     """Blur of all edges is not focus if another view is sharper; the blurred view does not count itself."""
     before = Sharpness()

@@ -63,6 +63,7 @@ def test_damaged_cell_file_names_file(folder: Path, start: int) -> None:
         assert message is None or "cell.yaml" in message, seed
 
 
+@pytest.mark.journey
 def test_damaged_samples_file_names_line(folder: Path) -> None:
     """A damaged samples.jsonl either gives a recording or an InputError that names the line."""
     cell, refused = read_cell(folder), 0
@@ -74,6 +75,7 @@ def test_damaged_samples_file_names_line(folder: Path) -> None:
     assert 150 < refused < 300
 
 
+@pytest.mark.journey
 def test_damaged_calibration_file_names_file(tmp_path: Path) -> None:
     """A damaged calibration.json either gives a calibration or an InputError that names the file."""
     path = write_calibration(Calibration("good"), tmp_path)

@@ -56,6 +56,7 @@ def test_verbose_prints_the_written_report(simulated: Path, verb: str, capsys: p
     assert (run / "report.txt").read_text() == capsys.readouterr().out
 
 
+@pytest.mark.journey
 def test_run_without_convergence_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One step from a closed form is no optimum: no transform, lens or joint covariance, and `report` says so."""
     assert main(["simulate", str(tmp_path), "--samples", "10"]) == 0
@@ -85,6 +86,7 @@ def test_json_is_one_object(simulated: Path, capsys: pytest.CaptureFixture[str])
     assert np.array(answer["transforms"][BASE]["covariance"]).shape == (6, 6)
 
 
+@pytest.mark.journey
 def test_verbose_prints_the_time_of_each_stage(
     simulated: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,6 +170,7 @@ def test_demo_of_the_papers_sequence(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert answer["true_error"][BASE]["error_mm"] < answer["closed_form_error"]["error_mm"]
 
 
+@pytest.mark.journey
 def test_imported_poses_calibrate_exactly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Noise-free poses written as text in mm yield the true base within 1e-6."""
     rng = np.random.default_rng(3)
@@ -221,6 +224,7 @@ def test_certificate_is_reported_on_request(simulated: Path, capsys: pytest.Capt
     assert "certificate: global optimum proven" in capsys.readouterr().out
 
 
+@pytest.mark.journey
 def test_box_is_calibrated_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The summary recommends a calibration within the box, whose centre is the task point; it reports an empty box."""
     assert main(["simulate", str(tmp_path), "--samples", "15", "--target", "pose"]) == 0

@@ -60,6 +60,7 @@ def where(folder: Path, robot: str) -> np.ndarray:
     return found
 
 
+@pytest.mark.journey
 def test_plan_with_one_bad_sample_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The second sample of the second robot is beyond a limit: one line, exit code 3, and no arm has moved."""
     with running(tmp_path) as world:

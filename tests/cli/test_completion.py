@@ -17,6 +17,7 @@ def page() -> str:
     return manual()
 
 
+@pytest.mark.journey
 def test_manual_page_is_printed(page: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The verb that prints completions prints it."""
     assert main(["completion", "man"]) == 0
@@ -43,6 +44,7 @@ def test_man_formats_the_page(page: str) -> None:
     assert "\n       --tool-speed-limit STR\n" in read.stdout
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_every_verb_is_completed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Each verb is completed with its options, from the source of the help."""

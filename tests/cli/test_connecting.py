@@ -111,6 +111,7 @@ def test_secret_of_another_program_is_not_sent(
     assert not stranger.came
 
 
+@pytest.mark.journey
 def test_confirmation_is_asked_once_for_each_address(
     tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

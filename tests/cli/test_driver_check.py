@@ -65,6 +65,7 @@ def test_exit_code_shows_a_failed_promise(capsys, monkeypatch, holds, code) -> N
     assert [each for _, each in told.values()] == holds
 
 
+@pytest.mark.journey
 def test_video_file_is_no_live_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its images come on request: there is no rate and no freshness to measure."""
     path = tmp_path / "video.avi"

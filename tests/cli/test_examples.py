@@ -43,6 +43,7 @@ def test_two_ur5e(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert answer["residuals"]["rms_px"] < 0.52
 
 
+@pytest.mark.journey
 def test_camera_beside_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With a free lens, a camera on the world has pose consistency errors of 3.6 mm and 0.33 deg rms."""
     residuals = calibrated("rct_charuco", tmp_path, capsys)["residuals"]

@@ -33,6 +33,7 @@ def off(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.journey
 def test_corrected_urdf_agrees_with_the_calibration(off: Path, tmp_path: Path) -> None:
     """At recorded joints its flange equals that of the cell's chain with the offsets of calibration.json."""
     cell = (off / "cell.yaml").read_text()
@@ -54,6 +55,7 @@ def test_corrected_urdf_agrees_with_the_calibration(off: Path, tmp_path: Path) -
     np.testing.assert_allclose(corrected.matrix, chain.forward(joints + offsets).matrix, atol=1e-13)
 
 
+@pytest.mark.journey
 def test_missing_input_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No run, an unknown robot, and a run without offsets cause one line each, exit code 3 and no file."""
     cell = str(tmp_path / "cell")

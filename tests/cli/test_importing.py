@@ -146,6 +146,7 @@ def test_confirmed_conventions_are_reported(capsys: pytest.CaptureFixture[str]) 
     assert out.count("\n") == 1
 
 
+@pytest.mark.journey
 def test_contradicted_convention_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     """The finding is a warning with the fix."""
     is_wrong, out, err = said(with_robots(MADE.recording, {"hand": inverted}), capsys)
@@ -173,6 +174,7 @@ def test_views_that_were_not_tested_are_not_counted(
     assert said(MADE.recording, capsys)[1] == f"conventions are not determined{ending}\n"
 
 
+@pytest.mark.journey
 def test_detections_are_kept_for_calibration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Detections in imported images serve the next calibration."""
     made = cell(samples=6, seed=3)

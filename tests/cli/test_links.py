@@ -51,6 +51,7 @@ def test_links_in_a_run_are_not_followed(cell: Path, outside: Path, name: str) -
     assert main(["report", str(cell)]) in (0, 1)
 
 
+@pytest.mark.journey
 def test_linked_runs_folder_is_refused(cell: Path, outside: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`calibrate` writes no run through a link."""
     (cell / "runs").rename(cell / "old")

@@ -120,6 +120,7 @@ sys.exit(run())
 """
 
 
+@pytest.mark.journey
 def test_library_thread_does_not_change_the_exit_code() -> None:
     """If a camera's thread decodes an image at exit, answer and exit code are still those of the verb."""
     found = subprocess.run([sys.executable, "-c", _THREAD_IN_A_LIBRARY], capture_output=True, text=True, timeout=60)
@@ -151,6 +152,7 @@ sys.exit(run())
 """
 
 
+@pytest.mark.journey
 def test_decoding_thread_hides_no_error_message(tmp_path: Path) -> None:
     """If a camera's thread captures the decoder's output at exit, the reason of the end is still printed."""
     missing = str(tmp_path / "missing")
@@ -181,6 +183,7 @@ def test_interrupted_process_exits_with_code_130(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.journey
 def test_folder_name_that_is_not_utf_8_is_accepted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The cell is calibrated like any other, and its page shows the printable part of the name."""
     folder = tmp_path / "cell"

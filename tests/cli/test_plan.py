@@ -33,6 +33,7 @@ def cell(tmp_path_factory):
     return folder
 
 
+@pytest.mark.journey
 def test_json_has_the_documented_fields(cell, capsys):
     """Samples have robots only, their number is the required one, and predictions are given.
 
@@ -49,6 +50,7 @@ def test_json_has_the_documented_fields(cell, capsys):
     assert found["forbidden_by"] is None
 
 
+@pytest.mark.journey
 def test_unreachable_tolerance_exits_with_code_1(cell, capsys):
     """The output names the error source that limits the result."""
     asked = ["plan", str(cell), "--tolerance", "1um", "--task-point", "-0.3", "0.7", "0.1"]
@@ -67,6 +69,7 @@ def test_reached_tolerance_needs_no_samples(cell, capsys):
     assert first.startswith("100 mm at the task point is already reached (95 %: ")
 
 
+@pytest.mark.journey
 def test_default_place_is_the_recorded_workspace(tmp_path, capsys):
     """`calibrate` judges the same place: its own error is reached already, and a little less needs samples."""
     cell = tmp_path / "cell"
@@ -83,12 +86,14 @@ def test_default_place_is_the_recorded_workspace(tmp_path, capsys):
     assert needed[1] > 0
 
 
+@pytest.mark.journey
 def test_empty_recording_needs_a_task_point(cell, capsys):
     """One line requests the task point."""
     assert main(["plan", str(cell), "--samples", "3", "--anew"]) == 3
     assert "name a task point: --task-point X Y Z" in capsys.readouterr().err
 
 
+@pytest.mark.journey
 def test_plan_file_is_read_by_capture(cell, tmp_path, capsys):
     """Its lines are a plan that is read back."""
     file = tmp_path / "plan.jsonl"
@@ -99,6 +104,7 @@ def test_plan_file_is_read_by_capture(cell, tmp_path, capsys):
     assert len(json.loads((tmp_path / "plan.json").read_text())["samples"]) == 3
 
 
+@pytest.mark.journey
 def test_reached_tolerance_advises_to_calibrate(cell, tmp_path, capsys):
     """The next command calibrates the recording with the same tolerance; an empty plan is not advised."""
     assert main(["calibrate", str(cell)]) in (0, 1)
@@ -109,6 +115,7 @@ def test_reached_tolerance_advises_to_calibrate(cell, tmp_path, capsys):
     assert last == f"next, to judge what is recorded: basecal calibrate {cell} --tolerance 900mm"
 
 
+@pytest.mark.journey
 def test_robot_programs_are_printed_or_written(cell, tmp_path, capsys):
     """Each format is printed, or written with -o; a program for one arm needs its name."""
     asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.3 0.7 0.1"]
@@ -150,6 +157,7 @@ def test_shifts_are_planned_by_complete_stations(cell, tmp_path, capsys):
     assert len(read_plan(tmp_path / "plan.jsonl", cell, read_cell(cell))) == 21
 
 
+@pytest.mark.journey
 def test_plan_has_a_page(cell, tmp_path, capsys):
     """It is in the cell's folder; without drivers it has the complete, runnable command for programs of the robots."""
     asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.3 0.7 0.1", "--anew", "--report", "--json"]
@@ -163,6 +171,7 @@ def test_plan_has_a_page(cell, tmp_path, capsys):
     assert (tmp_path / "plan.csv").read_text().count("\n") == 4
 
 
+@pytest.mark.journey
 def test_page_of_a_cell_with_drivers_names_the_capture(cell, tmp_path, capsys):
     """The complete quoted command writes the samples; then page and terminal name the capture."""
     found = read_cell(cell)

@@ -40,6 +40,7 @@ def test_refused_run_is_reported(calibrated: Path, tmp_path: Path, capsys: pytes
     assert "REFUSED" in capsys.readouterr().out
 
 
+@pytest.mark.journey
 def test_damaged_results_are_reported_or_refused(
     calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

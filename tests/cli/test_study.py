@@ -72,6 +72,7 @@ def test_folder_with_other_files_is_unchanged(file: Path, capsys: pytest.Capture
     assert [path.name for path in file.parent.iterdir()] == ["small.yaml"]
 
 
+@pytest.mark.journey
 def test_folder_of_cells_is_calibrated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -111,6 +112,7 @@ def test_contradictory_options_are_wrong_usage(words: list[str], said: str, caps
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.journey
 def test_page_of_a_scene_equals_that_of_calibrate(tmp_path: Path) -> None:
     """It has the points of the scene as a target, which the expected error and the images need."""
     write_tracks(tmp_path, made_scene(2, count=12, points=150))

@@ -92,6 +92,7 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["sh", "-c", whole], capture_output=True, text=True, check=False, env=buffered)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("command", "said"),
     [
@@ -107,6 +108,7 @@ def test_closed_or_full_output_is_an_error(command: str, said: str, tmp_path: Pa
     assert ended.stderr.count("\n") == 1
 
 
+@pytest.mark.journey
 def test_missing_error_stream_is_accepted(tmp_path: Path) -> None:
     """The answer does not need it, and an error has its exit code."""
     assert run("basecal simulate CELL --samples 3 --json 2>&-", tmp_path).returncode == 0
@@ -136,6 +138,7 @@ def test_several_errors_name_their_file_once(tmp_path: Path, capsys: pytest.Capt
     assert said.count("\n") == 1
 
 
+@pytest.mark.journey
 def test_several_mistakes_without_lines_are_separated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of a driver's options, in a cell or alone: `line` stands before a number only."""
     (tmp_path / "cell.yaml").write_text(
@@ -251,6 +254,7 @@ def test_recording_without_images_loads_no_detector(tmp_path, monkeypatch):
     assert [len(sample.observations) for sample in recording.samples] == [1, 1, 1]
 
 
+@pytest.mark.journey
 def test_targets_are_detected_in_images(tmp_path):
     """Each rendered corner is found within a pixel of a second detection."""
     main(["simulate", str(tmp_path / "c"), "--samples", "2", "--images"])

@@ -131,6 +131,7 @@ def test_wrong_usage_exits_with_code_2(words: list[str], capsys: pytest.CaptureF
     assert said.err.count("\n") == 1
 
 
+@pytest.mark.journey
 def test_process_exit_code(tmp_path: Path) -> None:
     """The process ends with the code, without a traceback."""
     ended = subprocess.run(

@@ -91,6 +91,7 @@ def test_verifications_are_logged_and_charted(cell: Path, capsys: pytest.Capture
     assert "Verified since" in page.read_text()
 
 
+@pytest.mark.journey
 def test_samples_are_added_if_no_base_moved(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The recording then has them, and the run uses all; if something moved the recording is unchanged."""
     copy = Path(shutil.copytree(cell, tmp_path / "cell"))
@@ -145,6 +146,7 @@ def test_missed_tolerance_is_reported_with_added_samples(
     assert "6 new samples, fail: run" in capsys.readouterr().out
 
 
+@pytest.mark.journey
 def test_samples_of_the_calibration_are_reported(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """They agree with it in any case: a warning says so, and --recalibrate does not add them a second time."""
     journal = cell / "recording" / "samples.jsonl"

@@ -24,6 +24,7 @@ def test_only_fixed_frames_are_candidates():
     np.testing.assert_array_equal(found.moves[0][:, 0], views.frame_jacobian(0, MOUNT))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("turn_rad", "verdict", "codes"),
     [(0.0, "good", []), (1.5e-3, "doubtful", ["fixed-contradicted"]), (1e-2, "refused", ["fixed-contradicted"])],

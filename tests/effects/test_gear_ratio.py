@@ -41,6 +41,7 @@ def test_gear_ratio_rotates_joint_by_its_angle():
     )
 
 
+@pytest.mark.journey
 def test_gear_ratio_is_estimated_with_prior():
     """The share is found within four sigmas if it has a prior, and the base is as accurate as with exact joints."""
     made, recording = record_short_angles()
@@ -58,6 +59,7 @@ def test_gear_ratio_is_estimated_with_prior():
     )  # 99.9 % limit of chi-square with 6 degrees of freedom
 
 
+@pytest.mark.journey
 def test_unstated_gear_ratio_error_is_detected():
     """The verdict is not good, and a finding blames the arm's model."""
     made, recording = record_short_angles()

@@ -71,6 +71,7 @@ def calibrate_stream(seed: int, size: float, stated_sigma: float | None = None) 
     return calibrate(made.cell, made.recording)
 
 
+@pytest.mark.journey
 def test_time_errors_are_reported_only_if_present():
     """The noise reports lagging errors with their sigma at the flange, and none for a clean stream."""
     clean, late = calibrate_stream(0, 0.0), calibrate_stream(0, 1.0)
@@ -80,6 +81,7 @@ def test_time_errors_are_reported_only_if_present():
     np.testing.assert_allclose(figures["sigma"], LAG, rtol=0.6)
 
 
+@pytest.mark.journey
 def test_stated_repeatability_allows_lag():
     """A lag of half a millimetre beside a stated repeatability makes no answer doubtful, and sigmas are correct."""
     distances = []
@@ -91,6 +93,7 @@ def test_stated_repeatability_allows_lag():
     assert 1 < np.mean(distances) < 12  # 6 on average
 
 
+@pytest.mark.journey
 def test_lag_is_not_attributed_to_stretch(monkeypatch):
     """Answers are good with correct sigmas. With only an error per stop, warnings concern poses and lengths."""
     distances = []
@@ -105,6 +108,7 @@ def test_lag_is_not_attributed_to_stretch(monkeypatch):
     assert "stretch" in {finding.code for finding in alone.findings if finding.severity == "warning"}
 
 
+@pytest.mark.journey
 def test_moved_base_is_not_attributed_to_lag():
     """A base moved by 30 mm halfway is detected.
 

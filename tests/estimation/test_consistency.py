@@ -29,6 +29,7 @@ def mean_nees(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = N
     return float(np.mean([error.nees for error in errors])) / FREEDOMS
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("name", quick(QUICK, QUICK[:1]))
 def test_base_covariance_is_consistent(name: str) -> None:
     """Over 50 cells the mean of xi' C^-1 xi / 6 of the base is 1, within the band of 300 degrees of freedom.
@@ -42,6 +43,7 @@ def test_base_covariance_is_consistent(name: str) -> None:
     assert low <= np.mean([e.nees_by_bound for e in errors]) / FREEDOMS <= high
 
 
+@pytest.mark.journey
 def test_unstated_robot_noise_is_detected() -> None:
     """The band is sensitive to robot noise that is neither stated nor estimated.
 
@@ -53,12 +55,14 @@ def test_unstated_robot_noise_is_detected() -> None:
     assert mean_nees(silent, 6, "estimated") < band(6, CHANCE)[1]
 
 
+@pytest.mark.journey
 def test_covariance_includes_a_shared_error_of_a_view() -> None:
     """With a stated error that all points of a view share, it is consistent, too: 36 corners are not independent."""
     low, high = band(40, CHANCE)
     assert low <= mean_nees(CORRELATED, 40) <= high
 
 
+@pytest.mark.journey
 def test_tilt_of_the_mount_is_unbiased_for_real_lenses() -> None:
     """Twelve views are by a free lens that is as far off its axis as some real ones.
 

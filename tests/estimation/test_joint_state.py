@@ -17,6 +17,7 @@ def ring(seed: int) -> SimulatedCell:
     return simulate(Scenario(layout="ring", robots=3, samples=16, robot_noise=(1e-4, 2e-4)), seed)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 5])  # 4 is solved below
 def test_ring_of_few_views_starts_near_the_truth(seed: int) -> None:
     """All transforms of the joint start are within 5 deg."""
@@ -28,6 +29,7 @@ def test_ring_of_few_views_starts_near_the_truth(seed: int) -> None:
     assert np.degrees(np.abs(off).max()) < 5
 
 
+@pytest.mark.journey
 def test_known_base_is_unchanged() -> None:
     """The other transforms are found beside a stated base."""
     made = ring(0)
@@ -41,6 +43,7 @@ def test_known_base_is_unchanged() -> None:
     assert np.degrees(np.abs(off).max()) < 5
 
 
+@pytest.mark.journey
 def test_ring_of_few_views_is_solved() -> None:
     """The plain starts of this ring end 51 px off, and the solution explains the views."""
     made = ring(4)

@@ -43,6 +43,7 @@ def distance(estimate, truth) -> float:
     return float(np.abs((estimate.inverse() @ truth).log()).max())
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("name", quick(AGAINST_ORACLE, ["half and half", "light with priors"]))
 def test_optimum_and_covariance_equal_the_dense_problem(name):
     """The elimination of stops has no effect: optimum to 1e-3 and covariance to 2 % of the sigmas.

@@ -48,6 +48,7 @@ def test_column_and_row_counts_are_parsed() -> None:
             columns_rows(text, "--squares")
 
 
+@pytest.mark.journey
 def test_tolerance_sets_exit_code_and_is_stored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A missed tolerance ends `calibrate` with exit code 5 and FAIL.
 

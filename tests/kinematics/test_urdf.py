@@ -157,6 +157,7 @@ def test_implausible_numbers_are_refused(number):
         parse_chain(text, "base", "tool")
 
 
+@pytest.mark.journey
 def test_parsing_time_is_linear_in_links():
     """Twice as many links, each with a mass, take about twice as many calls, not four times."""
     few, many = count_calls(300), count_calls(600)

@@ -31,6 +31,7 @@ def test_table_has_forty_distinct_mistakes() -> None:
     assert len({mistake.name for mistake in MISTAKES}) == len(MISTAKES) >= 40
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("mistake", list(map(marked, MISTAKES)))
 def test_mistake_is_the_first_finding_with_its_fix(
     mistake: Mistake, copied: Callable[[str], Path], capsys: pytest.CaptureFixture[str]

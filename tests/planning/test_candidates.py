@@ -40,6 +40,7 @@ def farthest(sketch, taught, found):
     return max(rotations), max(translations)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("scenario", [{}, {"joints": True}, {"layout": "eye_to_hand"}, {"layout": "eye_in_hand"}])
 def test_every_candidate_is_feasible(scenario):
     """Candidates are feasible for arms with poses and with joints, and for cameras or targets on the world.

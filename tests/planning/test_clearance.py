@@ -130,6 +130,7 @@ def test_clearances_bound_true_distances_from_below(tmp_path):
     assert np.median(short) < 0.06
 
 
+@pytest.mark.journey
 def test_path_clearance_bounds_poses_on_the_path(tmp_path):
     """At a hundred random postures on each path, no clearance is below that of the path by more than the margin."""
     box = KeepOut("post", SE3(np.eye(3), np.array([0.4, 0.4, 0.5])), np.full(3, 0.1))
@@ -199,6 +200,7 @@ def test_path_length_of_still_robot_is_zero(tmp_path):
         assert path_m_per_rad(sketch, start, end, "one") is None
 
 
+@pytest.mark.journey
 def test_path_length_bounds_body_points(tmp_path):
     """The path length bounds the motion of all points of bodies on random paths.
 

@@ -60,6 +60,7 @@ def test_tolerance_is_reached_with_needed_samples(tolerance_plan):
     assert sum(entry.share for entry in tolerance_plan.budget) == pytest.approx(1.0, rel=1e-2)
 
 
+@pytest.mark.journey
 def test_recorded_samples_reduce_the_plan(cell, tolerance_plan):
     """Fewer samples are needed in addition to a recording, and none if the recording suffices."""
     described, recording, _, calibration, point = cell
@@ -70,6 +71,7 @@ def test_recorded_samples_reduce_the_plan(cell, tolerance_plan):
     assert (enough.needed, enough.samples, enough.reachable) == (0, (), True)
 
 
+@pytest.mark.journey
 def test_unreachable_tolerance_is_reported(cell):
     """A micrometre is unreachable with the maximal number of samples.
 
@@ -82,6 +84,7 @@ def test_unreachable_tolerance_is_reported(cell):
     assert shares == sorted(shares, reverse=True)
 
 
+@pytest.mark.journey
 def test_requested_count_is_planned(cell):
     """The plan has the requested number of samples, with or without a tolerance. More samples give a smaller error."""
     described, _, bare, calibration, point = cell

@@ -68,6 +68,7 @@ def make_sketch(layout="dual"):
     return sketches(made.cell, known)[0], [dict(sample.robots) for sample in made.recording.samples]
 
 
+@pytest.mark.journey
 def test_stations_are_complete_and_feasible():
     """Stations have seven feasible samples each, with several shift lengths among them."""
     sketch, taught = make_sketch()
@@ -126,6 +127,7 @@ def test_too_few_stations_are_an_error(monkeypatch):
         stations(SKETCH, [HOME])
 
 
+@pytest.mark.journey
 def test_stations_have_three_shift_lengths():
     """Stations of an origin have one, two and four times the best length.
 

@@ -32,6 +32,7 @@ def guessed_cell(names):
     return touch_cell(names, bases={"hand": {"status": "prior", **pose, "sigma_t_m": 0.05, "sigma_r_rad": 0.1}})
 
 
+@pytest.mark.journey
 def test_next_mark_is_off_the_line():
     """Two marks leave a rotation uncertain.
 
@@ -50,6 +51,7 @@ def test_next_mark_is_off_the_line():
     assert plan.expected_m < 0.1 * sigma[3:].max() * 0.5
 
 
+@pytest.mark.journey
 def test_marks_of_calibrated_plate_are_offered():
     """A plate that was calibrated without a guess has a pose, and its marks are offered like others."""
     cell = touch_cell((), marks={"plate": {"points_m": {name: place.tolist() for name, place in MARKS.items()}}})
@@ -69,6 +71,7 @@ def test_touch_plan_requires_recorded_touches():
         plan_touches(cell, Recording(), None, TASK, count=4)
 
 
+@pytest.mark.journey
 def test_plan_command_prints_mark_and_touches(tmp_path, monkeypatch, capsys):
     """The command prints a line for the mark and one for each touch. The file has the touches to take."""
     monkeypatch.setattr(touches, "plan_touches", partial(plan_touches, places=1, rotations=20))

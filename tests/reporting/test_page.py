@@ -319,6 +319,7 @@ def many(samples: int, points: int) -> Iterator[PointResiduals]:
     yield PointResiduals("wrist", "board", np.repeat(np.arange(samples), points), np.arange(count), pixels, off, used)
 
 
+@pytest.mark.journey
 def test_page_size_is_bounded(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """A page of 300 samples of 100 points is below 2 MB, and so is one of 20 times as many samples.
 
@@ -350,6 +351,7 @@ KINDS: tuple[ObservedKind, ...] = ("led", "points", "pose", "points3d", "chessbo
 SEEN_BY_DUAL_ARMS = ("led", "points", "pose")
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("target", "layout"),
     [
@@ -368,6 +370,7 @@ def test_every_target_kind_has_a_page(target: ObservedKind, layout: LayoutName) 
     assert numbers(text_report(simulated.cell, calibration)) - numbers(walker.text) == set()
 
 
+@pytest.mark.journey
 def test_exact_fit_has_a_page() -> None:
     """Residuals of exactly zero, as without any noise, do not break any figure."""
     simulated = simulate(Scenario(samples=8, pixel_px=0.0), 1)
@@ -377,6 +380,7 @@ def test_exact_fit_has_a_page() -> None:
     assert Walker(page(simulated.cell, simulated.recording, calibration, replace(details, points=zero))).faults == []
 
 
+@pytest.mark.journey
 def test_images_are_embedded(tmp_path: Path) -> None:
     """Recorded images are embedded in the page as data, and the page still makes no requests."""
     assert main(["simulate", str(tmp_path / "cell"), "--images", "--samples", "5"]) == 0

@@ -65,6 +65,7 @@ def test_bases_are_apart_and_first_is_world(layout):
         assert 0.65 < np.linalg.norm(first - second) < 2.35
 
 
+@pytest.mark.journey
 def test_most_bases_are_upright():
     """A fifth of 200 bases has a random rotation (sigma 3 %), the others are tilted by at most 0.3 rad."""
     scenes = [scene_of(seed) for seed in range(200)]

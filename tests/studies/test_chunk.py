@@ -63,6 +63,7 @@ def test_failed_simulation_has_a_reason() -> None:
     assert "needs two robots" in result.reasons[0]
 
 
+@pytest.mark.journey
 def test_damaged_chunk_file_is_ignored(tmp_path: Path) -> None:
     """A stored chunk is read exactly. A file that is damaged, truncated or of another study is ignored."""
     made = study(hold=SMALL)

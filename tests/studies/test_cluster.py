@@ -34,6 +34,7 @@ def local_cluster(workers: int) -> Iterator[object]:
         yield cluster
 
 
+@pytest.mark.journey
 def test_missing_scheduler_is_reported(monkeypatch) -> None:
     """The error is one line with the address and what to do."""
     pytest.importorskip("distributed")

@@ -31,6 +31,7 @@ def test_table_is_independent_of_number_of_processes(tmp_path: Path) -> None:
     assert numbers(made, tmp_path / "1") == numbers(made, tmp_path / "2")
 
 
+@pytest.mark.journey
 def test_interrupted_study_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A study that is interrupted after a chunk resumes with the second. Progress counts all trials that are done."""
     made = study(hold=SMALL, axes="pixel_px: [0.1, 0.2, 0.3]")

@@ -83,6 +83,7 @@ def test_decoder_output_is_suppressed(capfd: pytest.CaptureFixture[str]) -> None
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("quality", quick([30, 80, 95], [80]))
 def test_damaged_webp_is_reported(quality: int) -> None:
     """Nineteen of twenty lossy WebPs with one changed byte are reported. Intact ones, even or noisy, are not."""

@@ -209,6 +209,7 @@ def test_two_targets_in_one_image_are_detected(tmp_path: Path) -> None:
     assert {each.target for each in sample.observations} == {"tag", "board"}
 
 
+@pytest.mark.journey
 def test_wrong_tag_id_is_the_first_finding(tmp_path: Path) -> None:
     """If the stated tag differs from the one in the images, the first finding is a warning with the visible tag."""
     views = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
@@ -245,6 +246,7 @@ def test_exif_rotated_images_are_reported(tmp_path: Path) -> None:
         assert "EXIF rotates 1 image of 'wrist'" in finding.message
 
 
+@pytest.mark.journey
 def test_search_stops_if_first_images_show_another_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Only eight of 25 images that show another tag are searched.
 

@@ -64,6 +64,7 @@ def errors(kind: str, camera: Camera, settings: RenderSettings, tilt: float = 0.
     return Errors(np.concatenate(error), np.concatenate(sigma), len(np.concatenate(sigma)) / images / len(shape.ids))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("kind", "camera"),
     [
@@ -90,6 +91,7 @@ IMAGES_OF = [
 ]
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("kind", "noise", "blur"), IMAGES_OF)
 def test_corner_sigma_matches_error(kind: str, noise: float, blur: float) -> None:
     """The errors of corners agree with their sigmas within 20 %, whatever the noise, the blur and the tilt."""
@@ -97,6 +99,7 @@ def test_corner_sigma_matches_error(kind: str, noise: float, blur: float) -> Non
     assert 0.8 < seen.ratio < 1.2
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", quick(["circles", "asymmetric"], ["circles"]))
 def test_disc_centres_are_unbiased(kind: str) -> None:
     """Detected centres of circles are those of the discs, not of their elliptical images, within 0.005 px rms."""
@@ -105,6 +108,7 @@ def test_disc_centres_are_unbiased(kind: str) -> None:
     assert seen.found > 0.95
 
 
+@pytest.mark.journey
 def test_sigma_holds_in_sharpened_image() -> None:
     """Corner errors agree with their sigmas in an image that the camera has sharpened, as most cameras do."""
     shape, errors_of, sigma = TARGETS["charuco"], [], []
@@ -120,6 +124,7 @@ def test_sigma_holds_in_sharpened_image() -> None:
     assert 0.7 < ratio.std() < 1.3  # sharpening also correlates the noise of neighbours
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", quick(["charuco", "chessboard", "asymmetric", "tags"], ["charuco", "asymmetric"]))
 def test_sixteen_bit_image_gives_same_detection(kind: str) -> None:
     """An image of 16 bits, or of 12 bits stored in 16, gives the detection of one of 8."""
@@ -134,6 +139,7 @@ def test_sixteen_bit_image_gives_same_detection(kind: str) -> None:
     np.testing.assert_allclose(twelve.pixels, sixteen.pixels, atol=1e-3)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", list(TARGETS))
 def test_no_target_is_found_in_noise(kind: str) -> None:
     """No target is found in noise, in a plain image or in one of a few pixels."""
@@ -154,6 +160,7 @@ def test_partly_visible_charuco_is_detected() -> None:
     np.testing.assert_allclose(detection.pixels, true[detection.ids], atol=0.1)
 
 
+@pytest.mark.journey
 def test_chessboard_ids_start_at_black_square() -> None:
     """If a half turn exchanges black and white, ids start at the corner whose outer square is black."""
     shape = TARGETS["chessboard"]

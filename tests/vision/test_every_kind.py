@@ -41,6 +41,7 @@ def test_every_target_kind_is_detected(kind: TargetKindName) -> None:
     assert np.abs(error).max() < 0.1
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", TARGETS)
 @pytest.mark.parametrize("levels", [{}, {"black": 0.0, "white": 255.0, "background": 255.0}])
 @pytest.mark.parametrize("lens", [PLAIN, WIDE])

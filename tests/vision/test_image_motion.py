@@ -30,6 +30,7 @@ def image_shift(first, second):
     return shift_between(reduce_image(first), reduce_image(second))
 
 
+@pytest.mark.journey
 def test_noise_is_no_motion():
     """No shift is measured between twenty noisy images of the same board."""
     first = expose(STILL, SETTINGS, 0)

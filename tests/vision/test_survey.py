@@ -85,6 +85,7 @@ LONG = {
 }  # fmt: skip
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("case", quick(CASES, CASES.keys() - LONG))
 def test_visible_other_target_is_described(case: str) -> None:
     """The survey names the visible number, family, dictionary, layout or size if it differs from the stated one."""
@@ -111,6 +112,7 @@ def test_markers_on_stated_plain_board_are_reported(kind: str) -> None:
     assert words.startswith("DICT_4X4_50 has 17 markers here: write kind: charuco")
 
 
+@pytest.mark.journey
 def test_print_error_names_unexpected_markers():
     """Unexpected markers are reported if the board is missed in some images, even if it was found in others."""
     images = [shrunk(scene(TARGETS["charuco"]), 2)]
@@ -131,6 +133,7 @@ def test_blur_is_reported_with_its_width(blur_px: float) -> None:
     assert describe_blur([cv2.GaussianBlur(image, (0, 0), 2.5) for image in sharp]) is None
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", list(TARGETS))
 def test_clutter_gives_no_description(kind: str) -> None:
     """The survey describes no target in clutter, and reports only the darkness of a dark image."""
@@ -176,6 +179,7 @@ def test_second_print_of_board_is_reported() -> None:
     assert "its markers are seen twice in one image" in (describe_other_targets([both], BOARD) or "")
 
 
+@pytest.mark.journey
 def test_charuco_board_is_not_a_chessboard() -> None:
     """A few corners of a ChArUco board that resemble a chessboard are no views, and its markers are reported."""
     image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)

@@ -38,6 +38,7 @@ def _within(estimate: PoseEstimate, true: SE3) -> bool:
     )  # chi-square with 6 freedoms, exceeded once in 25,000
 
 
+@pytest.mark.journey
 def test_hand_eye_matches_opencv() -> None:
     """Lists of arrays give OpenCV's result with a verdict and a covariance that contains the truth."""
     gripper = _parts(W @ SEEN.inverse() @ X.inverse())
@@ -53,6 +54,7 @@ def test_hand_eye_matches_opencv() -> None:
     assert "GOOD" in found._repr_html_()
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("seed", "arm", "camera"),
     [

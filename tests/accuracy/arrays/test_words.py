@@ -40,6 +40,7 @@ def _transposed(pose: SE3) -> SE3:
     return SE3(np.swapaxes(pose.rotation, 1, 2), pose.translation)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("call", "what", "do"),
     [
@@ -82,6 +83,7 @@ def test_mix_ups_name_arguments(call: Callable[[], ArrayCalibration], what: str,
     assert found.findings[0].what.replace("'", "&#x27;") in found._repr_html_()
 
 
+@pytest.mark.journey
 def test_transforms_have_array_names() -> None:
     """A gripper that rotates about one axis leaves `cam2gripper` unobservable, under this name."""
     angles = np.c_[np.zeros((14, 2)), CHANCE.normal(size=14)]

@@ -89,6 +89,7 @@ def test_contradicted_clock_prior_is_named() -> None:
     )
 
 
+@pytest.mark.journey
 def test_calibration_of_streams_is_correct_with_clock() -> None:
     """A calibration of streams is good, within its covariance, and reports the clock offset."""
     made = streamed()
@@ -99,6 +100,7 @@ def test_calibration_of_streams_is_correct_with_clock() -> None:
     assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5  # 99.9 % of chi-square with 6 freedoms
 
 
+@pytest.mark.journey
 def test_paths_have_no_stops():
     """Views a third of a millisecond apart, with hundredths of a millimetre of motion, give no `same-stop`."""
     made, other = streamed(seconds=4.0), streamed(seconds=4.0, seed=1)
@@ -108,6 +110,7 @@ def test_paths_have_no_stops():
     assert "same-stop" not in {f.code for f in found.findings}
 
 
+@pytest.mark.journey
 def test_clock_drift_is_named():
     """A clock drift of 20 ms in 8 s, of which the views see seven, is found beside the offset."""
     made = streamed()
@@ -122,6 +125,7 @@ def test_clock_drift_is_named():
     assert found.verdict == "doubtful"
 
 
+@pytest.mark.journey
 def test_estimated_line_time_has_sigma():
     """An estimated line time is reported with its sigma, and the answer is within its covariance."""
     made = imaged(2e-5, RollingShutter("prior", 1.7e-5, 4e-6), seconds=5.0)
@@ -134,6 +138,7 @@ def test_estimated_line_time_has_sigma():
     assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5
 
 
+@pytest.mark.journey
 def test_unstated_rolling_shutter_is_found():
     """An unstated rolling shutter is found and not reported as a moved base."""
     made = imaged(2e-5, None, seconds=5.0)

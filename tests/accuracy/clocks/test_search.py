@@ -68,6 +68,7 @@ def test_samples_use_estimated_offsets() -> None:
     np.testing.assert_allclose(stamps, np.arange(0.5, 7.5, 0.1) - 0.03 + of.offsets_s["wrist"], atol=1e-9)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("shutter", [RollingShutter("fixed", 3e-5), RollingShutter("prior", 2.7e-5, 3e-6)])
 def test_rows_are_corrected_by_line_time(shutter: RollingShutter) -> None:
     """Pixels are corrected by the estimated line time of their rows, which explains the views."""

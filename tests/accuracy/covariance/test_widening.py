@@ -133,6 +133,7 @@ def test_exact_joints_are_calibrated_within_covariance() -> None:
     assert 0.6 < np.mean(squares) / 6 < 1.5
 
 
+@pytest.mark.journey
 def test_shared_stop_errors_add_no_arc() -> None:
     """Offsets of the other arm, contained in its noise, do not lengthen the arc of an arm with a prior on offsets.
 

@@ -44,6 +44,7 @@ def test_true_model_has_no_rival(changed):
     assert rival_of(solve(made.cell, made.recording)) is None
 
 
+@pytest.mark.journey
 def test_robots_assumed_exact_have_rival():
     """Robot errors of 2 mm and 10 mrad absorbed by the lens give a rival that predicts better, far from the answer."""
     made = simulate(NOISY, 3)

@@ -57,6 +57,7 @@ def test_parallel_folds_equal_separate_fits():
         np.testing.assert_allclose(off, 0.0, atol=1e-5)
 
 
+@pytest.mark.journey
 def test_sparse_folds_equal_dense_folds(monkeypatch):
     """A ring of three robots, treated as many, has the states, information and spread of dense matrices."""
     made = simulate(Scenario(layout="ring", robots=3, samples=36, robot_noise=(1e-4, 1e-4)), 1)

@@ -64,6 +64,7 @@ def test_single_joint_offset_is_named():
     assert "joint_offsets: {status: prior, sigma_rad: 0.006}" in finding.message
 
 
+@pytest.mark.journey
 def test_calibrate_reports_model_without_applying_it():
     """The calibration is doubtful because of the robot, and its base is that of the stated robots within a sigma."""
     made = with_one_offset(2, 0.3 * DEGREE)
@@ -77,6 +78,7 @@ def test_calibrate_reports_model_without_applying_it():
     assert off @ np.linalg.solve(base.covariance, off) < 1
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 @pytest.mark.parametrize(
     ("kind", "errors"),
@@ -89,6 +91,7 @@ def test_true_robot_model_is_chosen(kind, errors, seed):
     assert (choice.chosen.kind if choice else "none") == kind
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("stated", "offset_deg", "kinds"), [(True, 0.2, {"offsets"}), (False, 0.0, {"none"})])
 def test_alternating_arms_do_not_mislead_choice(stated, offset_deg, kinds):
     """Arms that rest alternately do not mislead the choice, with errors of 0.1 mm and 0.1 mrad.

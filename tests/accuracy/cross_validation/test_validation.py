@@ -68,6 +68,7 @@ def check_recording(cell: Cell, recording: Recording) -> tuple[Validation | None
 
 # The mean square change of a fold has mean 1. With equal folds it has 24 freedoms, less those that the folds
 # share: at least 12. Over 8 cells the mean's sigma is at most sqrt(2 / 96) = 0.15; the band is 4 sigmas.
+@pytest.mark.journey
 @pytest.mark.parametrize(
     "scenario",
     [replace(NOISY, arms="stations", camera_mount="fixed", samples=25), LIGHT, NOISY],
@@ -82,6 +83,7 @@ def test_change_of_answer_agrees_with_covariance(scenario):
     assert [codes for _, codes, _ in found if codes] == []
 
 
+@pytest.mark.journey
 def test_sparse_validation_equals_dense_validation(monkeypatch):
     """Held-out errors and spread of three robots by sparse matrices equal dense ones, to a millionth."""
     scenario = Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4))

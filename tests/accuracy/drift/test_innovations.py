@@ -21,6 +21,7 @@ from basecal.geometry import SE3, Array, Camera
 from drift_cells import BASE, Later, later
 
 
+@pytest.mark.journey
 def test_whitened_innovations_have_unit_variance() -> None:
     """Whitened innovations of four cells with six views of six numbers have a mean square of 1.
 

@@ -115,6 +115,7 @@ def test_touches_verify_calibration(cell):
     assert "hand_base" in [found.shift.frame, *(other.frame for other in found.alternatives)]
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("about", ["mark_b", "hand_tip"])
 def test_moved_point_has_no_rotation(monkeypatch, about):
     """A mark or tip moved by 3 mm is found with three freedoms, and reported without an angle."""

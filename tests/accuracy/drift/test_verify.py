@@ -114,6 +114,7 @@ def test_samples_without_calibrated_views_are_undecided() -> None:
     assert found.detectable_m is None
 
 
+@pytest.mark.journey
 def test_target_shape_found_by_calibration_is_no_movement() -> None:
     """Points stated a millimetre off, found by the calibration, are no movement in its own and later samples."""
     points = np.random.default_rng(8).uniform(-0.06, 0.06, (12, 3))

@@ -38,6 +38,7 @@ def clock_findings(made: Streamed, changed: dict[int, Sample]) -> list[Finding]:
     return [f for f in found.findings if f.code == "clock-offset"]
 
 
+@pytest.mark.journey
 def test_late_images_are_named_with_delay():
     """A 60 ms late and an 80 ms early image among seventy are named with their delays; the clock fits the others."""
     made = streamed()
@@ -56,6 +57,7 @@ def test_late_images_are_named_with_delay():
     assert "early)" in finding.message
 
 
+@pytest.mark.journey
 def test_moved_view_is_not_late():
     """A view that is off in another way is not reported as late."""
     made = streamed()
@@ -63,6 +65,7 @@ def test_moved_view_is_not_late():
     assert clock_findings(made, {21: bump_view(views[21])}) == []
 
 
+@pytest.mark.journey
 def test_many_late_images_are_warning():
     """Three late images are a warning."""
     made = streamed()

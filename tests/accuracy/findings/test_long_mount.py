@@ -31,6 +31,7 @@ def calibrate_arrays(gripper: SE3, camera_on: Literal["robot", "world"]) -> Arra
     return hand_eye(gripper.rotation, gripper.translation, SEEN.rotation, SEEN.translation, camera_on=camera_on)
 
 
+@pytest.mark.journey
 def test_inverse_poses_of_still_camera_are_doubtful() -> None:
     """Inverse poses of a still camera, as on OpenCV's page, are doubtful.
 
@@ -44,6 +45,7 @@ def test_inverse_poses_of_still_camera_are_doubtful() -> None:
     assert finding.do[-1] == "If camera is not on the gripper, give the inverse poses, with camera_on='world'."
 
 
+@pytest.mark.journey
 def test_correct_poses_have_no_long_mount() -> None:
     """Correct poses with the camera on the world have no finding, nor has a stated mount."""
     assert calibrate_arrays(ARM, "world").findings == ()

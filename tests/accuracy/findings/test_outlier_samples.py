@@ -48,6 +48,7 @@ def with_stray(sample, row):
     return replace(sample, observations=(replace(seen, pixels=pixels),))
 
 
+@pytest.mark.journey
 def test_bumped_samples_make_answer_doubtful():
     """Three bumped samples of thirty give a warning that names them and the cause.
 
@@ -93,6 +94,7 @@ def _from(moved: SE3, sample: Sample) -> Sample:
     return replace(sample, robots={**sample.robots, "hand": state})
 
 
+@pytest.mark.journey
 def test_stray_points_leave_answer_good():
     """Two stray corners of 540 are an info that names their samples, and the answer stays good."""
     s = simulate(Scenario(samples=15), seed=0)
@@ -105,6 +107,7 @@ def test_stray_points_leave_answer_good():
     assert [(o.sample, len(o.ids)) for o in found.outliers] == [(7, 1), (9, 1)]
 
 
+@pytest.mark.journey
 def test_clean_data_have_empty_outlier_list():
     """Clean data have an empty outlier list, not null: outliers were searched."""
     s = simulate(Scenario(samples=12), seed=0)

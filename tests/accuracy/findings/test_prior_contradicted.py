@@ -22,6 +22,7 @@ TOLD = Scenario(samples=12, target="points", camera_mount="prior", target_mount=
 MOUNT = "eye_flange_from_wrist"
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("intrinsics", ["fixed", "prior"])
 def test_true_priors_are_not_contradicted(intrinsics):
     """Ten cells with priors drawn as stated give no finding; by chance one in 250 such tests does."""
@@ -30,6 +31,7 @@ def test_true_priors_are_not_contradicted(intrinsics):
         assert contradicted_priors(s.cell, solve(s.cell, s.recording)) == []
 
 
+@pytest.mark.journey
 def test_wrong_prior_is_named():
     """A mount stated eight sigmas off is contradicted by name, and the verdict is doubtful."""
     s = simulate(TOLD, 0)

@@ -42,6 +42,7 @@ def find_reflections(made, beside):
     return [finding for finding in findings if finding.code == "reflection"]
 
 
+@pytest.mark.journey
 def test_spots_beside_led_are_reported(made):
     """Spots beside an LED are reported with their number and images; the LED is distinguished from them."""
     rng = np.random.default_rng(0)
@@ -52,6 +53,7 @@ def test_spots_beside_led_are_reported(made):
     assert f"in 7 of {SAMPLES} images" in finding.message
 
 
+@pytest.mark.journey
 def test_spots_near_led_are_warning(made):
     """Spots two pixels from the LED are ambiguous and a warning; a tenth of the images is tolerated."""
     near = np.array([1.6, 1.2])
@@ -61,12 +63,14 @@ def test_spots_near_led_are_warning(made):
     assert "In 2 images both are near the predicted position" in finding.message
 
 
+@pytest.mark.journey
 def test_single_spots_give_no_finding(made, evidence):
     """Without other spots, or without cameras, there is no finding."""
     assert find_reflections(made, {}) == []
     assert reflection(evidence()) == []
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("off_px", "severity"), [((0.5, 0.4), None), ((1.2, 0.9), "warning"), ((2.6, 2.8), "info")])
 def test_spots_between_one_and_three_pixels_are_ambiguous(made, off_px, severity):
     """Spots within a pixel are one, beyond three they are distinct; between them they are ambiguous."""

@@ -23,6 +23,7 @@ def calibrate_with_lens(change):
     return calibrate(replace(MADE.cell, cameras={"wrist": replace(wrist, intrinsics=lens)}), MADE.recording)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("factor", "shift_px", "named"), [
     (1.0, 0.0, None), (1.0, 1.0, None), (1.0, 25.0, "cx by {} px"), (1.02, 0.0, "fx is off by {} %"),
 ])  # fmt: skip

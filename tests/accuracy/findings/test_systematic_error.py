@@ -242,6 +242,7 @@ def test_length_scale_without_size_finding_stays():
     assert deduplicate_size_findings(CELL, [LENGTH], replace(OF_ROBOT, alternatives=(OF_TARGET,))) == [LENGTH]
 
 
+@pytest.mark.journey
 def test_board_stated_too_large_is_reported_smaller():
     """A board stated 3 % too large, with noise of two arms, is reported as smaller than stated."""
     made = simulate(Scenario(samples=12, robot_noise=(5e-4, 1e-3), state_robot_noise=False), 0)

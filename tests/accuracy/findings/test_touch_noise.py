@@ -15,6 +15,7 @@ from basecal.estimation.view.points import TouchMeasurement
 from basecal.geometry import SE3
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("scatter_m", "codes", "verdict"), [(3e-4, {"touch-noise"}, "good"), (1e-4, set(), "good")])
 def test_too_small_touch_sigma_is_named(scatter_m, codes, verdict):
     """A too small stated sigma is named and is no poor fit.
@@ -31,6 +32,7 @@ def test_too_small_touch_sigma_is_named(scatter_m, codes, verdict):
     assert all("0.1 mm is stated" in each.what and "sigma_m: 0.000" in each.do[0] for each in found.findings)
 
 
+@pytest.mark.journey
 def test_too_small_touch_sigma_beside_unknown_robot_noise():
     """A too small touch sigma is named with the tip even if unknown robot noise compensates it.
 
@@ -48,6 +50,7 @@ def test_too_small_touch_sigma_beside_unknown_robot_noise():
     assert "poor-fit" not in {each.code for each in found.findings}
 
 
+@pytest.mark.journey
 def test_scatter_above_three_millimetres_is_poor_fit():
     """Scatter above 3 mm has another cause and is a poor fit."""
     lines = touch_lines(np.random.default_rng(0), 24, 6e-3, MARKS, True)

@@ -56,6 +56,7 @@ def test_certain_effect_replaces_second_mount(evidence):
     assert two_mounts(evidence(systematic_error=certain)) == []
 
 
+@pytest.mark.journey
 def test_link_errors_are_no_second_mount():
     """Link errors, which the stops of an arm share, explain the split of the samples."""
     scenario = Scenario(samples=30, joints=True, link_error=(5e-4, 5e-4), **QUIET | {"robot_noise": (5e-5, 1e-4)})

@@ -48,6 +48,7 @@ def calibrate_cell(made: SimulatedCell, settings: Settings = EXACT) -> Calibrati
     return calibrate(made.cell, made.recording, settings)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("target", quick(SEEN, ["charuco"]))
 def test_general_motion_is_good(target):
     """Both arms that rotate about every axis give the verdict good, for each target."""
@@ -69,6 +70,7 @@ DEGENERATE = {
 }
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("wobble", [0.0, 1e-3])
 @pytest.mark.parametrize("target", [pytest.param(t, marks=[pytest.mark.slow] * (t == "led")) for t in SEEN])
 @pytest.mark.parametrize("kind", DEGENERATE)
@@ -141,6 +143,7 @@ def test_still_led_leaves_rotations_unobservable():
     assert "hand never moves in 30 samples. Move hand" in findings(found, "unobservable-direction")
 
 
+@pytest.mark.journey
 def test_translated_led_with_known_mounts_is_observable():
     """Translations alone are enough if both mounts are known, as in the paper.
 
@@ -152,6 +155,7 @@ def test_translated_led_with_known_mounts_is_observable():
     assert {f.code for f in found.findings if f.severity != "info"} <= {"ambiguous-convention"}
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("axes", ["zyyy", "zyyyx"])
 def test_arms_of_four_and_five_joints_are_good(axes):
     """A rotating base and parallel joints after it rotate the flange about two directions, so all is observable."""
@@ -167,6 +171,7 @@ def test_parallel_axes_get_no_rotation_advice():
     assert "add poses" not in message
 
 
+@pytest.mark.journey
 def test_prior_held_direction_is_reported():
     """A planar hand with a prior on the board is good, and the one direction known only from the prior is reported."""
     made = recorded(replace(SEEN["charuco"], target_mount="prior"), 3, hand=SCARA)
@@ -180,12 +185,14 @@ def test_prior_held_direction_is_reported():
     assert np.linalg.norm(found[BASE].sigma_t) == pytest.approx(5e-3, rel=0.05)
 
 
+@pytest.mark.journey
 def test_improved_prior_is_not_reported():
     """With all arms moving, a prior of 5 mm and 50 mrad is improved by the data and not reported."""
     found = calibrate_cell(recorded(replace(SEEN["charuco"], target_mount="prior", camera_mount="prior"), 3))
     assert findings(found, "prior-dominated") == ""
 
 
+@pytest.mark.journey
 def test_poorly_known_base_is_doubtful():
     """A base known to eleven degrees, from a prior of 200 mrad, is doubtful, and the motion is named."""
     scenario = replace(SEEN["charuco"], target_mount="prior", mount_prior=(5e-3, 0.2))

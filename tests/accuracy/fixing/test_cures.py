@@ -23,6 +23,7 @@ def cures_of(*findings: Finding, outliers: tuple[Outlier, ...] = (), recording=B
     return find_cures(cell, recording, recording, calibration)
 
 
+@pytest.mark.journey
 def test_convention_is_undone() -> None:
     """A finding by `calibrate`, or by the reach of a flange, is undone by the hypothesis with its words."""
     samples = tuple(
@@ -114,6 +115,7 @@ def test_all_lines_are_written_for_all_robots() -> None:
     assert cure.change.cell == {("robots", r, key): value for r in ("eye", "hand") for key, value in written.items()}
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("code", ["fixed-contradicted", "prior-contradicted"])
 def test_transform_is_freed(code: str) -> None:
     """A transform that effects or sigmas contradict is freed; no input hypothesis has these words."""

@@ -46,6 +46,7 @@ def error_codes(calibration):
     return {(f.code, f.about) for f in calibration.findings if f.severity == "error"}
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("made", "name", "code", "about"),
     [
@@ -84,6 +85,7 @@ def none_survives(*given):
     return []
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("look", ["quick", pytest.param("none", marks=pytest.mark.slow)])
 def test_exchanged_joints_are_named(look, monkeypatch):
     """Exchanged joints of two arms of one model are named, even if no loop closes without a mount's prior."""
@@ -95,12 +97,14 @@ def test_exchanged_joints_are_named(look, monkeypatch):
     assert "The joints of eye and hand are exchanged" in found.findings[0].message
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("made", [BOARD, POSES, LIGHT])
 def test_clean_cells_get_verdict_good(made):
     """Clean cells of two freely rotating arms get the verdict "good": no other hypothesis comes near."""
     assert calibrate(made.cell, made.recording).verdict == "good"
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("factor", [1.0, 1.2])
 def test_estimated_links_cause_no_false_mix_up(factor):
     """Arms with joints and estimated links raise no suspicion of a mix-up, and a wrong target size is still found."""
@@ -127,6 +131,7 @@ def test_exchanged_robots_and_inverted_target_are_both_named():
     assert {code for code, _ in found} - {"unobservable-direction"} == {"target-pose-inverted", "robots-swapped"}
 
 
+@pytest.mark.journey
 def test_poses_of_still_arm_are_ambiguous():
     """An arm with a single pose gives an "ambiguous-convention" finding of severity info.
 
@@ -157,6 +162,7 @@ def test_inverted_head_poses_of_nao_are_ambiguous():
         assert "the poses of eye are inverted" in finding.message
 
 
+@pytest.mark.journey
 def test_wrong_fixed_lens_of_rct_is_named():
     """The lens guess shipped with the RCT recording (1400 px, no distortion), stated as fixed, yields `intrinsics`."""
     cell, recording = example("rct_charuco")

@@ -107,6 +107,7 @@ def _wrong_halves(kind):
     return replace(HALVES.recording, samples=tuple(made))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("kind", "words"), [
     ("session", "The arms eye and hand are exchanged in samples 12 to 23"),
     ("places", "The places where eye (samples 12 to 23) and hand (samples 0 to 11) stood still are exchanged"),

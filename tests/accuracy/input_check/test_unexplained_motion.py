@@ -246,6 +246,7 @@ def test_joint_offsets_of_degrees_are_named():
     assert "`joint_offsets: {status: prior, sigma_rad: 0." in found.do[0]
 
 
+@pytest.mark.journey
 def test_joint_offsets_do_not_explain_wrong_samples():
     """Joint offsets do not explain views of other samples; robots that record poses get no such finding."""
     for joints in (True, False):

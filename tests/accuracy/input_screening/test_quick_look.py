@@ -41,6 +41,7 @@ def test_preview_takes_three_runs_of_samples():
     assert preview_samples(few) is few
 
 
+@pytest.mark.journey
 def test_correct_cell_has_no_finding():
     """A correct cell has no finding, and its error is that of the pixels."""
     look = quick_look(made().cell, preview_samples(made().recording))
@@ -51,12 +52,14 @@ def test_correct_cell_has_no_finding():
     assert 0.1 < float(number) < 1.0
 
 
+@pytest.mark.journey
 def test_inverted_poses_are_named():
     """The robot with inverted poses is named."""
     wrong = with_robots(made().recording, {"hand": inverted})
     assert codes(preview_samples(wrong)) == [("robot-pose-inverted", "error", ("hand",))]
 
 
+@pytest.mark.journey
 def test_single_bad_row_is_named():
     """A single bad row is named, all others agree, and no convention is doubted."""
     samples = list(made().recording.samples[:12])
@@ -70,6 +73,7 @@ def test_single_bad_row_is_named():
     assert look.error is not None
 
 
+@pytest.mark.journey
 def test_late_images_are_named():
     """Images paired two samples late are named, as the robot states beside the views are taken, too."""
     found = codes(preview_samples(shifted(made().recording, None, -2)))

@@ -86,6 +86,7 @@ def test_false_discovery_rate_is_one_percent(chances, found):
     np.testing.assert_array_equal(discoveries(np.log(chances).tolist(), 10, 0.01), found)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("share", [0.01, FALSE_DISCOVERY_RATE])
 def test_false_alarm_rate_of_families_matches_level(share):
     """Without effects, the share of families of twelve uniform tests with a discovery is the level.
@@ -168,6 +169,7 @@ def test_single_distance_must_be_precise() -> None:
         assert compare_places(np.zeros(3), np.diag([sigma_m, 10.0, 10.0]) ** 2).is_taken is is_taken
 
 
+@pytest.mark.journey
 def test_distant_copies_rarely_pass() -> None:
     """At most one in 150 wrong estimates in a room of a cubic metre passes, whatever the sigma."""
     rng = np.random.default_rng(0)

@@ -32,6 +32,7 @@ def recording(frame: str, since: int, made: SimulatedCell = MADE) -> Recording:
     return Recording(tuple(samples))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("frame", "says"),
     [
@@ -51,6 +52,7 @@ def test_single_changed_frame_is_named(frame: str, says: str) -> None:
     assert millimetres == pytest.approx(1e3 * np.linalg.norm(SHIFT.translation), abs=3)
 
 
+@pytest.mark.journey
 def test_short_or_agreeing_parts_have_no_change() -> None:
     """A part that is too short, and parts that agree, have no changed frame."""
     problem, _ = build_problem(MADE.cell, recording("tool", 14))

@@ -56,6 +56,7 @@ def in_metres() -> tuple[SimulatedCell, Calibration, Calibration]:
     return made, calibrate(*up_to_scale(made, made.recording, 1.0)), calibrate(made.cell, made.recording)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("unit_m", [1e-3, 0.37, 1e3])
 def test_unit_has_no_effect_on_answer(unit_m: float) -> None:
     """The answer is independent of the unit within 1 % of its sigma.
@@ -91,6 +92,7 @@ def test_rotation_about_camera_centre_is_refused() -> None:
     assert "not only turns" in finding.message
 
 
+@pytest.mark.journey
 def test_outliers_have_little_effect_on_unit() -> None:
     """Three of twenty poses from elsewhere are left out, and the unit is found. They affect the initial value, too."""
     made = simulate(Scenario(layout="dual", **ARM), 5)

@@ -64,6 +64,7 @@ def test_targets_have_estimated_shapes(calibration):
         assert moved == bool(np.abs(expected - points).max() > 1e-4)
 
 
+@pytest.mark.journey
 def test_led_has_no_shape():
     """An LED has no size to divide by, and no shape."""
     light = simulate(Scenario(samples=12, target="led", camera_mount="fixed", target_mount="fixed"), 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
 from basecal.geometry import SE3, Camera
@@ -11,6 +12,7 @@ CAMERA = Camera("pinhole", np.array([900.0, 910.0, 630.0, 360.0, -0.1, 0.05, 1e-
 PIXELS = np.stack(np.meshgrid(np.linspace(0, 1279, 9), np.linspace(0, 719, 6)), -1).reshape(-1, 2)
 
 
+@pytest.mark.journey
 def test_lens_sigmas_match_drawn_lenses() -> None:
     """Lens sigmas match the scatter of rays imaged by drawn lenses, after the rotation that aligns them best."""
     rng = np.random.default_rng(0)

@@ -38,6 +38,7 @@ def test_stored_calibration_reproduces_rms(arms: Arms, robot_noise: tuple[float,
     )  # residuals of the fit, without mount bend
 
 
+@pytest.mark.journey
 def test_stored_noise_reproduces_rms() -> None:
     """The rms is reproduced with stored estimated robot noise, too."""
     made = simulate(Scenario(samples=15, robot_noise=(3e-4, 5e-4), state_robot_noise=False), 3)
@@ -50,6 +51,7 @@ def test_stored_noise_reproduces_rms() -> None:
     assert calibration.residuals.rms_px == pytest.approx(0.2, rel=0.15)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     "known",
     [

@@ -57,6 +57,7 @@ def test_scene_calibration_cannot_be_updated(made):
         without_samples(cell.cell, bare, of_scene, {3})
 
 
+@pytest.mark.journey
 def test_estimated_noise_is_kept():
     """Estimated noise is that of the calibration with all samples."""
     made = simulate(Scenario(samples=14, robot_noise=(3e-4, 5e-4), state_robot_noise=False), 2)

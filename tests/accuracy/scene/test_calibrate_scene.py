@@ -72,6 +72,7 @@ def errors(answer: Calibration) -> set[str]:
     return {each.code for each in answer.findings if each.severity == "error"}
 
 
+@pytest.mark.journey
 def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6), and the joint covariance contains all three."""
     scene = made_scene(1, arms=2, count=12, points=150)
@@ -95,6 +96,7 @@ def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("off_m", "sigma_m", "verdict"),
     [(0.01, 0.02, "good"), (0.0, 0.5, "doubtful"), (0.3, 0.02, "refused"), (0.3, 0.5, "doubtful")],
@@ -115,6 +117,7 @@ def test_base_prior_excludes_copies_or_contradicts_scene(
         assert np.linalg.norm(off[:3]) < 3e-3
 
 
+@pytest.mark.journey
 def test_slowly_moving_scene_gives_no_false_base(monkeypatch: pytest.MonkeyPatch) -> None:
     """A scene that moves 0.5 mm per image shifts the base by 6 mm, which is reported and in the covariance.
 
@@ -132,6 +135,7 @@ def test_slowly_moving_scene_gives_no_false_base(monkeypatch: pytest.MonkeyPatch
     assert off @ np.linalg.solve(base.covariance, off) < 27.9
 
 
+@pytest.mark.journey
 def test_any_robot_may_be_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     """If the reference is the robot of the second camera, the base of the first is the inverse."""
     scene = made_scene(1, arms=2, count=12, points=150)
@@ -144,6 +148,7 @@ def test_any_robot_may_be_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.linalg.norm(off[:3]) < 3e-3
 
 
+@pytest.mark.journey
 def test_fixed_mount_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     """A fixed mount is that of the cell, not that of a search."""
     scene = made_scene(2, count=12, points=150)
@@ -176,6 +181,7 @@ def test_arms_without_shared_points_are_refused(monkeypatch: pytest.MonkeyPatch)
     assert all(each.do for each in answer.findings if each.severity == "error")
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("is_seen_apart", "code"), [(False, "scene-rival"), (True, "scene-overlap")])
 def test_repeated_object_gives_no_base(monkeypatch: pytest.MonkeyPatch, is_seen_apart: bool, code: str) -> None:
     """A repeated object is refused, whether both arms see both copies or each a different one."""
@@ -264,6 +270,7 @@ def whole_covariance(fit: SceneFit) -> Array:
     return scene_covariance(fit) + shared_covariance(fit, 0) + shared_covariance(fit, 1)
 
 
+@pytest.mark.journey
 def test_expected_error_at_recorded_places() -> None:
     """Errors of base and stops have the expected size within a factor of two over four scenes."""
     squares, variances = [], []
@@ -293,6 +300,7 @@ def test_expected_error_at_task_point() -> None:
     assert far.expected_95_m > 1.3 * near.expected_95_m
 
 
+@pytest.mark.journey
 def test_total_noise_reduces_meeting_error() -> None:
     """Arms without shared errors meet better.
 

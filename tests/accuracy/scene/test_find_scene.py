@@ -21,6 +21,7 @@ from scene_images import images_of_scene, solved_camera
 from scene_points import BASE, LENS, PIXEL, Scene, looks, made_scene
 
 
+@pytest.mark.journey
 def test_two_cameras_share_one_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two cameras share one scene: the base is found to 3 mm without findings, and most points are seen by both."""
     scene = made_scene(1, arms=2, count=12, points=220)
@@ -54,6 +55,7 @@ def with_fixed_camera(scene: Scene, lens: Intrinsics) -> tuple[Scene, SE3]:
     return replace(scene, views=more, tracks=concatenate([tracks, own])), at
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("is_stated", [True, False])
 def test_fixed_camera_is_located_by_points(monkeypatch: pytest.MonkeyPatch, is_stated: bool) -> None:
     """The pose of a camera beside the arms is found to 2 mm and 0.2 deg if its lens is stated.

@@ -83,6 +83,7 @@ def test_moved_base_and_mount_are_detected(
         assert found["shift_mm"] == pytest.approx(5.0, abs=1.5)
 
 
+@pytest.mark.journey
 def test_recalibration_adds_new_tracks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -95,6 +95,7 @@ def test_scenes_without_overlap_are_not_joined(scene: Scene) -> None:
     assert codes(found) == ["scene-overlap"]
 
 
+@pytest.mark.journey
 def test_repeated_object_has_rival() -> None:
     """If the shared part occurs twice, another base explains half as much, and the join is refused."""
     scene, looks = repeated_object(is_seen_apart=False)
@@ -147,6 +148,7 @@ def test_places_count_equally(few: tuple[Scene, tuple[OneCamera, OneCamera]], mo
     assert share(few[1], take(seen, np.isin(seen.point, largest))) < 0.5
 
 
+@pytest.mark.journey
 def test_moved_object_is_no_rival() -> None:
     """A moved box with most of the points has a base of its own but few places, so it is no rival."""
     scene, looks = moved_object()

@@ -49,6 +49,7 @@ def test_features_match_image_points(images: Images, solved: OneCamera) -> None:
     assert alike.min() > 0.9
 
 
+@pytest.mark.journey
 def test_inverted_poses_are_poor_fit() -> None:
     """Poses recorded as `flange_from_base` leave features far from their epipolar lines and are a poor fit."""
     scene = made_scene(2, count=10, points=200)
@@ -58,6 +59,7 @@ def test_inverted_poses_are_poor_fit() -> None:
     assert "base_from_flange" in found[0].message
 
 
+@pytest.mark.journey
 def test_negated_positions_are_poor_fit() -> None:
     """Negated positions fit all epipolar lines but put points behind the camera; the advice is to check the joints."""
     scene = made_scene(2, count=10, points=200)

@@ -50,6 +50,7 @@ def base_covariances(fit: SceneFit) -> tuple[Array, Array]:
     return without[where, where], within[where, where]
 
 
+@pytest.mark.journey
 def test_sagging_arms_have_wider_sigmas() -> None:
     """With a sag of 3 mrad per metre, the squared Mahalanobis distance of the base is 32, with smooth errors 11."""
     fit = fit_sagging_arms(3e-3)
@@ -59,6 +60,7 @@ def test_sagging_arms_have_wider_sigmas() -> None:
     assert within < 16
 
 
+@pytest.mark.journey
 def test_correct_arms_are_widened_little() -> None:
     """Sigmas of the base of correct arms grow by 1 to 40 %, as the data show hardly any such error."""
     without, within = base_covariances(fit_sagging_arms(0.0))
@@ -83,12 +85,14 @@ def motion_of(seed: int, shifts_m: Array) -> SceneMotion:
     return scene_motion(fit_scene(scene.views, scene.tracks, scene.truth, scene.truth.lenses, (None, None)))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", [1, 2])
 def test_still_scene_has_no_motion(seed: int) -> None:
     """The chance of a still scene's score is above one in a thousand, as in 20 seeds of 20."""
     assert motion_of(seed, np.zeros(20)).chance > 1e-3
 
 
+@pytest.mark.journey
 def test_steady_motion_is_measured() -> None:
     """A steady motion of 0.5 mm per image, 9.5 mm in all, is measured within a fifth."""
     found = motion_of(1, 5e-4 * np.arange(20))
@@ -97,6 +101,7 @@ def test_steady_motion_is_measured() -> None:
     assert found.length_m == pytest.approx(9.5e-3, rel=0.2)
 
 
+@pytest.mark.journey
 def test_sudden_motion_has_sample_and_length() -> None:
     """A table pushed by 4 mm before sample 5 is found at that sample, within a quarter of the length."""
     found = motion_of(2, np.where(np.arange(20) < 5, 0.0, 4e-3))
@@ -105,6 +110,7 @@ def test_sudden_motion_has_sample_and_length() -> None:
     assert found.length_m == pytest.approx(4e-3, rel=0.25)
 
 
+@pytest.mark.journey
 def test_early_end_of_descent_is_no_motion() -> None:
     """A base left 20 um off by an early end of the descent is no motion.
 

@@ -77,6 +77,7 @@ def test_invalid_track_line_is_one_clear_error(
     assert "samples.jsonl:1: observations[" in message
 
 
+@pytest.mark.journey
 def test_refused_scene_does_not_repeat_failed_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Seven images are reported as too few, and the failed command is proposed only after the advice."""
     write_tracks(tmp_path, made_scene(1, arms=2, count=7, points=100))

@@ -67,6 +67,7 @@ def tilted_errors(seed: int) -> Array:
     return (np.linalg.cholesky(covariance) @ drawn[..., None])[..., 0]
 
 
+@pytest.mark.journey
 def test_errors_by_tilt_are_found() -> None:
     """Poses of tags are weighted by their tilt, and the mount is nearer to the truth on average."""
     before = [case_of(tilted_errors(seed)) for seed in range(4)]
@@ -75,6 +76,7 @@ def test_errors_by_tilt_are_found() -> None:
     assert np.mean([error_of(case) for case in after]) < 0.8 * np.mean([error_of(case) for case in before])
 
 
+@pytest.mark.journey
 def test_frontal_views_are_no_outliers() -> None:
     """Equal weights exclude frontal views, so that the tilts of the rest are not informative.
 
@@ -87,6 +89,7 @@ def test_frontal_views_are_no_outliers() -> None:
     assert error_of(after) < error_of(before)
 
 
+@pytest.mark.journey
 def test_equal_errors_stay_equal() -> None:
     """Errors of one size for all views, and stated ones, keep their weights."""
     equal = np.random.default_rng(1).normal(size=(20, 6)) * np.repeat([5e-4, 1e-3], 3)
@@ -96,6 +99,7 @@ def test_equal_errors_stay_equal() -> None:
     assert shape_pose_noise(stated) is stated
 
 
+@pytest.mark.journey
 def test_sizes_of_targets_are_found() -> None:
     """The evidence of the target size peaks near the truth, with robot errors as large as view errors."""
     distance = np.median([np.linalg.norm(each.translation) for each in seen_poses()])
@@ -103,6 +107,7 @@ def test_sizes_of_targets_are_found() -> None:
     assert all(size is not None and 0.5 < size * distance / 0.03 < 2 for size in sizes)
 
 
+@pytest.mark.journey
 def test_known_solutions_only_speed_up_search() -> None:
     """Known solutions with equal errors or another size lead to the same size."""
     case = case_of(tilted_errors(0) + arm_errors(0))

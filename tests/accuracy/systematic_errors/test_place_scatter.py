@@ -57,6 +57,7 @@ def scatter_of(solution):
     return place_scatter(of, of.linearisation, step.single(best))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("moved", [0.0, 3e-3])
 def test_noise_has_no_place_scatter(moved):
     """Noise alone gives a ratio below 1.4 in four cells, with some 70 freedoms. A moved base is no scatter."""
@@ -87,6 +88,7 @@ def find_effect_code(seed, **how):
     return None if found is None or not found.is_certain else found.code
 
 
+@pytest.mark.journey
 def test_errors_by_place_are_no_change_in_time(monkeypatch):
     """Errors by place look like steps and drifts if the recording moves from place to place.
 
@@ -98,6 +100,7 @@ def test_errors_by_place_are_no_change_in_time(monkeypatch):
     assert {find_effect_code(seed, size_m=5e-3) for seed in seeds} & {"base-moved", "drift"}
 
 
+@pytest.mark.journey
 def test_moved_base_is_named_despite_ordered_places():
     """A base moved by 10 mm and 10 mrad is named in each of four cells.
 

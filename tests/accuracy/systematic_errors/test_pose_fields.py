@@ -121,6 +121,7 @@ def test_data_determine_field_size():
     assert np.sqrt(sizes[1]) <= FIELD_PRIOR_M.sigmas.max()
 
 
+@pytest.mark.journey
 def test_answer_covariance_grows_with_robot_error():
     """Fields widen the answer of correct robots by a fifth at most, of a long one by several times."""
     ratios = []
@@ -161,6 +162,7 @@ def solve_recording(recording, cell=CELL):
     return Situation(problem, solution.state, problem, {}, solution.noise), solution
 
 
+@pytest.mark.journey
 def test_pose_robots_have_axis_lengths():
     """Robots that record only poses have axis lengths unless they state all their errors or made few stops.
 
@@ -214,6 +216,7 @@ def test_data_determine_axis_length_of_one_arm():
     np.testing.assert_allclose(sizes[1][3], 3e-3, rtol=0.2)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("shares", [{"eye": 1e-3, "hand": 1e-3}, {"eye": -5e-4, "hand": -1e-3}, {"hand": 1e-3}])
 def test_base_of_long_arms_is_within_sigmas(shares):
     """The base of long arms is within its sigmas, and far beyond without axis lengths.

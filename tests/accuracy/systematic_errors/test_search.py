@@ -89,6 +89,7 @@ def test_simulated_effect_is_found(code):
     assert words in finding.message
 
 
+@pytest.mark.journey
 def test_effect_with_largest_gain_is_named(monkeypatch):
     """The effect with the largest gain is named, in any order of scores: a step, not a drift of the same base."""
     cell, recording = as_recorded(KINDS["base-moved"][0], replace(SCENARIO, state_robot_noise=False))
@@ -630,6 +631,7 @@ def test_distinguishable_effects_have_no_alternatives(factor):
     assert ("drift" in {each.code for each in error.alternatives}) == (factor < 1)
 
 
+@pytest.mark.journey
 def test_link_errors_are_not_reported_as_joints():
     """Link errors that stops evidently share contain what joints do by chance.
 
@@ -641,6 +643,7 @@ def test_link_errors_are_not_reported_as_joints():
     assert systematic_error(solution, solution.problem, {}, Settings()) is None
 
 
+@pytest.mark.journey
 def test_gear_ratio_of_small_rotation_keeps_alternative():
     """A gear ratio of a joint that hardly rotates is not reported as offsets alone.
 

@@ -110,6 +110,7 @@ def error_m2(truth, solution: Solution) -> float:
     return float(np.sum((found @ true.inverse() @ np.array(POINT) - POINT) ** 2))
 
 
+@pytest.mark.journey
 def test_calibration_with_task_has_budget():
     """A calibration with a task has a budget that adds up to the base's error at the task, with estimated noise.
 

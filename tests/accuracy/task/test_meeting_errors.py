@@ -71,11 +71,13 @@ def test_joint_offsets_increase_angle_map(map_of_arms_off):
     assert map_of_arms_off.angle_95_rad.min() > 4e-3
 
 
+@pytest.mark.journey
 def test_exact_arms_have_smaller_map(map_of_arms_off):
     """The same recording of exact arms has a map less than half as large."""
     assert make_error_map(*solve_scenario(ARMS)).angle_95_rad.max() < map_of_arms_off.angle_95_rad.min() / 2
 
 
+@pytest.mark.journey
 def test_widening_is_added_to_map(arms_off):
     """A widening of the base by 10 mrad about each axis is added to the rotations of the map."""
     made, solution = arms_off
@@ -87,6 +89,7 @@ def test_widening_is_added_to_map(arms_off):
     assert found.angle_95_rad.max() < 4e-2
 
 
+@pytest.mark.journey
 def test_pose_robot_beside_joint_robot():
     """With a robot by poses beside one by joints, the map is between that of two joint robots and that of none."""
     made = simulate(OFF, 3)
@@ -106,6 +109,7 @@ def test_pose_robot_beside_joint_robot():
     assert 1e-3 < found.angle_95_rad.min() < 2e-2
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("scenario", [ARMS, replace(ARMS, joints=False)], ids=["joints", "poses"])
 def test_models_do_not_remove_effect(scenario: Scenario) -> None:
     """A base moved by 5 mm by an effect stays so: robot models do not include the effect."""
@@ -122,6 +126,7 @@ def test_models_do_not_remove_effect(scenario: Scenario) -> None:
     np.testing.assert_allclose(*means, atol=1e-4)
 
 
+@pytest.mark.journey
 def test_models_are_mixed_by_evidence(arms_off, monkeypatch):
     """Mean and covariance are those of the mixture of models by offsets, links and both, weighted by Bayes."""
     made, solution = arms_off
@@ -353,6 +358,7 @@ def test_total_noise_has_no_field():
     assert not added_covariance(PLACES, is_total=True).any()
 
 
+@pytest.mark.journey
 def test_field_absorbed_by_base_counts_once():
     """Samples share most of a field, which moves the base instead, so beside the base it adds less."""
     shared, alone = (np.trace(added_covariance(PLACES, has_base=each).mean(0)[:3, :3]) for each in (True, False))

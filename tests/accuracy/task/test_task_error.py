@@ -20,6 +20,7 @@ from basecal.simulation import Scenario, simulate
 BASE = "eye_base_from_hand_base"
 
 
+@pytest.mark.journey
 def test_task_only_adds_its_fields():
     """A task adds a budget, a map and local fits; transforms and verdict are unchanged."""
     made = simulate(Scenario(samples=10, target="pose"), 2)

@@ -22,6 +22,7 @@ from basecal.simulation.arms import six_axis
 FOLDER = DriverCheck("folder", options={"path": "."}, is_camera=True)
 
 
+@pytest.mark.journey
 def test_promises_are_sent_by_the_process() -> None:
     """Those of the other process equal those of this one."""
     assert list(measure_promises(FOLDER)) == [
@@ -29,6 +30,7 @@ def test_promises_are_sent_by_the_process() -> None:
     ]
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("options", "message"), [({"path": "none"}, "there is no folder none"), ({"pathh": "."}, "pathh: unknown field")]
 )

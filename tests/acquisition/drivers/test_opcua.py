@@ -64,6 +64,7 @@ def test_wrong_number_of_joints_is_an_error(opcua_robot):
     robot.close()
 
 
+@pytest.mark.journey
 def test_values_that_change_under_one_stamp_are_refused(opcua_robot):
     """They would be paired wrongly with images."""
     opcua_robot.tell("turn_unstamped", 0)

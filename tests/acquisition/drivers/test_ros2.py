@@ -28,6 +28,7 @@ def drawn(grey):
     return int.from_bytes(grey[0, :8].tobytes(), "big") * 1e-9
 
 
+@pytest.mark.journey
 def test_every_state_and_image_has_its_own_stamp(ros2_cell):
     """No state or image has the stamp of another, and stamps increase."""
     robot, camera = open_robot(ros2_cell.place("eye")), open_camera(ros2_cell.place("wrist", topic="/wrist/image_raw"))
@@ -52,6 +53,7 @@ def test_robot_is_read_from_its_frames(ros2_cell):
         np.testing.assert_allclose(np.diag(pose.rotation), [-1, -1, 1], atol=1e-12)
 
 
+@pytest.mark.journey
 def test_missing_topics_are_reported_with_existing_ones(ros2_cell):
     """An unknown topic, one of another type, and unconnected frames are reported."""
     with pytest.raises(DriverError, match=r"eye: no publisher of /joints in domain \d+; there are: /joint_states, /r"):
@@ -62,6 +64,7 @@ def test_missing_topics_are_reported_with_existing_ones(ros2_cell):
         open_robot(ros2_cell.place("eye", frames=["base_link", "wrong"], reconnect_s=0.5)).state()
 
 
+@pytest.mark.journey
 def test_missing_joints_are_named(ros2_cell):
     """If the topic has only some joints of the URDF, the others are named."""
     ros2_cell.tell("partial", "on")
@@ -71,6 +74,7 @@ def test_missing_joints_are_named(ros2_cell):
         open_robot(ros2_cell.place("eye", reconnect_s=0.2)).state()
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("fault", "error"),
     [

@@ -59,6 +59,7 @@ def capture(folder: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch, *wo
     return main(["capture", str(folder), "--freedrive", *words])
 
 
+@pytest.mark.journey
 def test_each_image_is_checked_at_once(tmp_path, monkeypatch, capsys) -> None:
     """An image of a bare wall is refused with advice; an arm that stayed yields no second image."""
     made = rendered(tmp_path, 3, "320x240")
@@ -77,6 +78,7 @@ def test_each_image_is_checked_at_once(tmp_path, monkeypatch, capsys) -> None:
     assert [sorted(sample.images) for sample in samples] == [["left_eye", "right_eye"], ["right_eye"]]
 
 
+@pytest.mark.journey
 def test_samples_before_a_failure_are_kept(tmp_path, monkeypatch, capsys) -> None:
     """The end of the poses, or missing images, end the capture in one line; a restart continues it."""
     made = rendered(tmp_path, 3, "320x240")
@@ -95,6 +97,7 @@ def test_samples_before_a_failure_are_kept(tmp_path, monkeypatch, capsys) -> Non
     assert [sorted(sample.images) for sample in read_recording(folder).samples] == [["left_eye", "right_eye"]] * 2
 
 
+@pytest.mark.journey
 def test_missing_drivers_of_cameras_and_arms(tmp_path, monkeypatch, capsys) -> None:
     """A camera without a driver is left out; an arm without one, whose camera has one, is reported."""
     made = rendered(tmp_path, 3, "320x240")
@@ -114,6 +117,7 @@ def test_missing_drivers_of_cameras_and_arms(tmp_path, monkeypatch, capsys) -> N
     assert [sorted(sample.images) for sample in read_recording(folder).samples] == [["left_eye"]]
 
 
+@pytest.mark.journey
 def test_scene_moves_no_arm(tmp_path, capsys) -> None:
     """With unknown bases no motion can be planned; the line has advice."""
     made = rendered(tmp_path, 3, "160x120")

@@ -13,6 +13,7 @@ from basecal.errors import DriverError
 NOBODY = 100  # a domain that no test sends in
 
 
+@pytest.mark.journey
 def test_running_system_is_surveyed_like_a_bag(ros2_cell):
     """Topics with types and counts, one image of each, the URDF, and frames, of which those of /tf move."""
     bag = listen_to_topics(ros2_cell.domain, 1.5)

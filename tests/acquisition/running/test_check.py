@@ -23,6 +23,7 @@ def reported(cell, samples):
     return [(place, doubt) for place, sample in enumerate(samples) for doubt in check.add(sample)]
 
 
+@pytest.mark.journey
 def test_correct_samples_are_not_reported():
     """Correct samples cause no doubt."""
     assert reported(*recorded()) == []
@@ -34,6 +35,7 @@ def estimate_count():
     return sum(isinstance(each, RunningEstimate) for each in gc.get_objects())
 
 
+@pytest.mark.journey
 def test_old_estimates_are_not_kept():
     """Each holds all earlier samples: kept, they would fill the memory of a long capture."""
     cell, samples = recorded()
@@ -43,6 +45,7 @@ def test_old_estimates_are_not_kept():
     assert 1 <= estimate_count() - before <= 4
 
 
+@pytest.mark.journey
 def test_image_of_another_pose_is_reported():
     """The sample is reported at once with the advice to repeat it.
 
@@ -68,6 +71,7 @@ def test_image_of_another_pose_does_not_change_the_estimate():
     assert wrong.estimate.sigma == pytest.approx(without.estimate.sigma, rel=0.1)
 
 
+@pytest.mark.journey
 def test_moved_base_is_reported_with_its_sample():
     """The second sample after the motion shows what moved, and since when."""
     cell, samples = recorded()
@@ -88,6 +92,7 @@ def test_joint_offset_is_reported():
     assert found[0].message.startswith("Joint 3 of eye is off by -0.3")
 
 
+@pytest.mark.journey
 def test_offset_is_found_beside_unstated_noise():
     """Six samples show an offset of 0.3 deg for arms with unstated noise."""
     cell, samples = recorded(7, joints=True)

@@ -22,6 +22,7 @@ def test_sigma_agrees_with_calibrate():
     assert found.sigma[0] == pytest.approx(np.sqrt(np.trace(report.covariance[:3, :3])), rel=0.2)
 
 
+@pytest.mark.journey
 def test_warm_and_cold_start_agree():
     """Transform and sigma each differ by less than 10 % of sigma."""
     cell, samples = recorded()

@@ -21,6 +21,7 @@ with locked_folder(Path(sys.argv[1])):
 """
 
 
+@pytest.mark.journey
 def test_folder_is_locked_by_one_process(tmp_path):
     """A second process is refused with a message.
 

@@ -176,6 +176,7 @@ def test_all_errors_are_reported_in_file_order(folder: Path) -> None:
     assert (caught.value.line, caught.value.field) == (15, "cameras.wrist.intrinsics.fx")
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("old", "new", "line", "words"),
     [

@@ -64,6 +64,7 @@ def upright_pose(grid_middle: Array, turn: float, depth: float) -> SE3:
     return SE3(rotation, np.array([0, 0, depth]) - rotation @ grid_middle)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("spacing", [0.2, 0.5])
 def test_grid_is_detected_with_consistent_sigmas(spacing: float) -> None:
     """Over 95 % of the corners are found, none wrong, with errors as large as their sigmas state."""
@@ -82,6 +83,7 @@ def test_grid_is_detected_with_consistent_sigmas(spacing: float) -> None:
     assert 0.8 < np.concatenate(ratios).std() < 1.25
 
 
+@pytest.mark.journey
 def test_partial_grid_is_detected() -> None:
     """The corners of a partly visible grid that are inside the image are found with their own ids."""
     grid = aprilgrid_target((8, 8), 0.04, 0.3)

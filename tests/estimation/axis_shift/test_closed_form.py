@@ -83,6 +83,7 @@ def test_table_3_follows_from_table_2(level):
     np.testing.assert_allclose(ours.translation, printed["t"], atol=2e-4)
 
 
+@pytest.mark.journey
 def test_iteration_equals_closed_form_far_from_a_rotation():
     """For 300 random matrices up to 20 degrees from orthonormal, the two agree to 1e-10."""
     rng = np.random.default_rng(0)

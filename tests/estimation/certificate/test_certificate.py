@@ -71,6 +71,7 @@ def perturb_state(solution: Solution, rng: np.random.Generator, size: float) -> 
     return replace(state, transforms={**state.transforms, **moved}, stop_errors=errors)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("name", quick(PROVEN, list(PROVEN)[:6]))
 def test_well_posed_cells_are_proven(name):
     """Every kind of loop is proven global without a gap.
@@ -164,6 +165,7 @@ def test_rotations_about_one_axis_are_never_proven(seed):
     assert certify(solve_from(problem, start)).certificate.is_global is None
 
 
+@pytest.mark.journey
 def test_ambiguous_views_do_not_count():
     """At 0.2 px every view of a far board counts. At 8 px some do not, and no claim is made."""
     clear, blurred = (
@@ -244,6 +246,7 @@ def test_certificate_is_made_on_request_or_if_disputed():
         assert certificate.is_global is True
 
 
+@pytest.mark.journey
 def test_differing_starts_trigger_a_certificate(monkeypatch):
     """If no start looks plausible and guesses end elsewhere, a certificate is made without a request.
 

@@ -83,6 +83,7 @@ def test_jacobian_by_stop_errors(name):
     assert checked >= len(problem.groups)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("noise", quick([None, (2e-3, 3e-3)], [(2e-3, 3e-3)]))
 def test_jacobian_by_robot_kinematics(noise):
     """Joints of both arms are off, and links of one, beside stop errors of order one sigma."""

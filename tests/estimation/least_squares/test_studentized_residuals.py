@@ -75,6 +75,7 @@ def test_point_distances_are_chi_square(target):
     assert abs(mean.mean() - 1) < 5 * np.sqrt(2 / every[0].freedoms.max() / len(mean))
 
 
+@pytest.mark.journey
 def test_shared_stop_distances_are_chi_square():
     """Errors of stops shared by several views have mean 1 within five standard errors.
 

@@ -49,6 +49,7 @@ def base_nees(scenario: Scenario, seeds: range) -> list[float]:
     return found
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("is_stated", quick([True, False], [False]))
 def test_robot_sigmas_are_estimated(is_stated):
     """The mean over four cells is the truth, with the pixels' sigma stated or estimated.
@@ -62,6 +63,7 @@ def test_robot_sigmas_are_estimated(is_stated):
         assert np.mean([cell.noise.noise.pixel_px for cell in cells]) == pytest.approx(0.2, rel=0.15)
 
 
+@pytest.mark.journey
 def test_different_robots_have_their_own_sigmas():
     """The rotations of an arm ten times as noisy as the other are separated by their levers."""
     s = simulate(replace(SILENT, samples=40, robot_noise=(1e-4, 2e-4)), seed=0)
@@ -78,6 +80,7 @@ def test_different_robots_have_their_own_sigmas():
     assert found["eye"][3] < 0.4 * found["hand"][3]
 
 
+@pytest.mark.journey
 def test_clean_cells_have_little_robot_noise():
     """Without robot noise, the estimate is below that of good arms: 0.05 mm and 0.05 mrad."""
     found = [
@@ -102,6 +105,7 @@ def test_still_arm_has_the_noise_of_the_other():
     assert found.transforms[BASE].sigma_t.min() > 0.5 * still[0]
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("samples", quick([4, 10], [4]))
 def test_covariance_of_few_samples_covers_the_truth(samples):
     """With four boards or more and no stated noise, at most two of 6 bases are outside of their 95 % ellipsoid.
@@ -127,6 +131,7 @@ def test_exact_data_have_no_noise():
     assert found.noise.robots["hand"].max() < 1e-5
 
 
+@pytest.mark.journey
 def test_smooth_errors_widen_the_covariance():
     """An arm with errors that are smooth in its pose is distinguished from one without."""
     still = Scenario(samples=40, arms="eye_still", camera_mount="fixed", state_robot_noise=False)
@@ -149,6 +154,7 @@ def test_smooth_errors_widen_the_covariance():
     assert found.common["smooth"]["hand"][1] > 3e-4
 
 
+@pytest.mark.journey
 def test_kinematic_errors_are_identified_and_widen_the_covariance():
     """Arms with wrong joint offsets, or links, show which. The covariance of the base then contains their effect."""
     plain = Scenario(samples=25, joints=True, state_robot_noise=False, robot_noise=(3e-5, 5e-5))

@@ -61,6 +61,7 @@ def test_models_are_weighted_by_relative_evidence(small_posterior):
         )
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("samples", "seed", "nodes"), quick([(4, 2, 1500), (5, 3, 4000)], [(4, 2, 1500)]))
 def test_heavy_tails_of_few_stops_are_integrated(samples, seed, nodes):
     """The covariance equals that of many nodes weighted by prior and likelihood of the sigmas, to a tenth.

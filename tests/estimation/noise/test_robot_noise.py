@@ -182,6 +182,7 @@ def test_recorded_subset_has_only_its_stops(arms):
     assert list(noisy.stops.robot).count("eye") == few.stop_counts["eye"]
 
 
+@pytest.mark.journey
 def test_subset_start_does_not_change_the_estimate(monkeypatch):
     """A start from the sigmas of some views changes sigmas, evidence and covariance by at most a thousandth.
 

@@ -150,6 +150,7 @@ def test_shaped_targets_have_enough_points():
         assert shaped_targets(problem_of(replace(NOISY, **few, **other))) == {}
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("scenario", "truth", "freedoms"),
     [(NOISY, np.array([1.5, -1.0, 0.7]), 3), (IN_SPACE, np.random.default_rng(0).standard_normal(36), 30)],

@@ -39,6 +39,7 @@ def test_bumped_arm_is_excluded_from_the_noise_estimate():
     assert np.all(found.solution.noise.robots["eye"] < 1.5e-3)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", range(6))
 def test_gross_pose_error_is_not_hidden_by_estimated_noise(seed: int) -> None:
     """One flange of twelve is off by 100 mm, without stated noise of poses, 0.5 mm and 2 mrad."""

@@ -101,6 +101,7 @@ def test_bumped_stop_of_a_still_arm_is_left_out():
     assert {o.sample for o in solve_samples(s.cell, samples).outliers} == set(stop)
 
 
+@pytest.mark.journey
 def test_mispaired_samples_are_left_out():
     """Six samples with exchanged views are metres off and are found."""
     s = simulate(Scenario(robot_noise=NOISY), seed=4)
@@ -113,6 +114,7 @@ def test_mispaired_samples_are_left_out():
     assert distance(base_of(ours.solution), s.truth[BASE]) < 0.01
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("mounts", "count"), [("fixed", 7), ("free", 9)])
 def test_reflections_instead_of_the_led_are_left_out(mounts, count):
     """Seven or nine of thirty LED views are random bright spots, with mounts known or not. Only these are excluded."""
@@ -147,6 +149,7 @@ def test_led_candidates_are_chosen_again_at_the_robust_state():
     assert {o.sample for o in ours.outliers} == set(BAD[:5])
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("state_pixel_noise", [True, False])
 def test_wrong_ids_and_stray_points_are_left_out(state_pixel_noise):
     """In each view two points have exchanged ids and three are off by 3 px or more.
@@ -171,6 +174,7 @@ def test_wrong_ids_and_stray_points_are_left_out(state_pixel_noise):
     assert distance(base_of(ours.solution), s.truth[BASE]) < 0.01
 
 
+@pytest.mark.journey
 def test_points_excluded_by_a_biased_lens_are_readmitted():
     """A pose recorded twice biases a free lens, so that precise corners disagree. Only its view stays excluded."""
     sharp = Scenario(samples=16, intrinsics="free", robot_noise=(1e-4, 1e-4), pixel_px=0.01, state_pixel_noise=False)
@@ -208,6 +212,7 @@ def test_wrong_corner_of_few_costs_only_that_corner():
     assert ours.outliers[0].off_px > 5
 
 
+@pytest.mark.journey
 def test_too_small_sigmas_do_not_make_outliers():
     """Unmodelled robot noise twenty times the pixel noise is no outlier: the majority sets the scale."""
     s = simulate(Scenario(robot_noise=NOISY, state_robot_noise=False, pixel_px=0.04), seed=10)

@@ -39,6 +39,7 @@ def problem_with_bumped_hand(scenario, seed):
     return problem.with_groups(groups), made.cell, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     "scenario",
     [pytest.param(SCENARIOS[1], marks=pytest.mark.slow), SCENARIOS[3]],
@@ -65,6 +66,7 @@ def test_subsets_of_a_batch_are_independent(scenario, monkeypatch):
     assert sum(each > 1e-6 for each in apart) <= len(together) / 5
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("scenario", SCENARIOS[:1], ids=lambda s: s.target)
 def test_best_subset_start_is_the_truth(scenario):
     """With a third of the samples 5 cm off, the best score, of few views, is the truth to 3 mm and 3 mrad.

@@ -191,6 +191,7 @@ def test_rotation_about_a_line_of_marks_is_held():
     assert "eye_base_from_wide" not in held
 
 
+@pytest.mark.journey
 def test_arm_is_calibrated_by_two_sockets():
     """One arm that touches two sockets has a good verdict and a correct tip."""
     cell = touch_cell((), marks={"plate": {"points_m": LINE}}, robots={"eye": {"noise": NOISE}}, tips=TIP)

@@ -189,6 +189,7 @@ def test_fixed_kinematics_equal_recorded_poses():
         np.testing.assert_allclose(estimate.mean.matrix, by_poses.transforms[name].mean.matrix, atol=1e-12)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("noise", [{}, pytest.param(NOISY, marks=pytest.mark.slow)])
 def test_optimum_and_covariance_equal_the_dense_problem(noise):
     """The optimum agrees to 1e-3 and the covariance to 2 % of the sigmas of a dense solver.

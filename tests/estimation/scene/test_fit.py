@@ -21,6 +21,7 @@ from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, s
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 
+@pytest.mark.journey
 def test_two_arms_are_calibrated_from_unknown_points():
     """Mounts and the base are within their 99.99 % ellipsoids (27.9 for 6), and sigmas are near the truth."""
     scene = made_scene(1, arms=2)
@@ -38,6 +39,7 @@ def test_two_arms_are_calibrated_from_unknown_points():
     assert ARM_RAD / 2.5 < fit.stop_sigma[0, 3] < 2.5 * ARM_RAD
 
 
+@pytest.mark.journey
 def test_gross_errors_are_left_out():
     """One image point in ten is 30 px off: the mount stays within its ellipsoid, and these points are removed."""
     scene = made_scene(2)

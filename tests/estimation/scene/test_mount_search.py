@@ -25,6 +25,7 @@ from scene_points import LENS, MOUNT, looks_from_above, made_scene
 PAIRS = 1500
 
 
+@pytest.mark.journey
 def test_mount_is_found_without_a_guess():
     """The mount is found to 5 mm and 0.5 deg by pairs alone, from a lens 8 % off. Distances are below two pixels."""
     scene = made_scene(1)
@@ -44,6 +45,7 @@ def test_mount_is_found_without_a_guess():
     assert found.median_px < 2.0
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("wrong", ["inverted", "shifted"])
 def test_wrong_poses_leave_large_residuals(wrong):
     """Inverted poses, and poses of the previous sample, leave more than ten pixels."""
@@ -74,6 +76,7 @@ def test_the_grid_covers_all_rotations():
     assert nearest.max() < 20.0
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_points_are_in_front_of_the_camera(seed):
     """The search selects the solution with points in front.

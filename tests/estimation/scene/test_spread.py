@@ -51,6 +51,7 @@ def test_contradicting_parts_widen_sigmas():
     assert np.trace(pulled[:6, :6]) > 1.5 * np.trace(sound[:6, :6])
 
 
+@pytest.mark.journey
 def test_views_aimed_at_one_point_leave_its_distance_unknown() -> None:
     """The mount is ten times as uncertain as with free views, along the direction to that point.
 

@@ -34,6 +34,7 @@ SHAPES = [
 ]
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("shapes", SHAPES)
 def test_bases_are_found_by_planes_and_edges(shapes):
     """Exact touches of surfaces at unknown places give the true base without a guess."""

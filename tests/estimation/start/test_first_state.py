@@ -61,6 +61,7 @@ def test_start_reaches_the_optimum_in_nearly_all_cells() -> None:
     assert same + other >= 0.95 * len(trials)
 
 
+@pytest.mark.journey
 def test_led_search_finds_the_optimum() -> None:
     """The best clean state ends where the start without a guess ends.
 

@@ -61,6 +61,7 @@ def test_views_move_as_targets_do_before_cameras() -> None:
     assert free.jitter_motion(group) is None
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("stated", [True, False])
 def test_jitter_is_estimated_with_the_noise(stated: bool) -> None:
     """A jitter of 5 ms is estimated from fifty views, within a third."""
@@ -75,6 +76,7 @@ def test_estimated_jitter_is_small_without_jitter() -> None:
     assert calibrate(made.cell, made.recording).noise["clocks"]["wrist"]["jitter_s"] < 1e-3
 
 
+@pytest.mark.journey
 def test_stated_jitter_widens_the_clock_offset() -> None:
     """A time stamp error moves views by five of their sigmas.
 

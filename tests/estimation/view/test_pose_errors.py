@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
 from basecal.estimation.view.pose_errors import CornerErrors, corner_covariances, whitening_matrix
 from basecal.geometry import SE3
@@ -18,6 +19,7 @@ POSES = SE3.stack(
 HALF_M = 0.04
 
 
+@pytest.mark.journey
 def test_covariance_equals_that_of_pnp() -> None:
     """Errors of `solvePnP` with corners of 0.1 px have this covariance, within the uncertainty of 400 draws."""
     rng, focal = np.random.default_rng(0), 800.0

@@ -41,6 +41,7 @@ def storage(bag: Path) -> Path:
     return bag if bag.is_file() else next(path for path in bag.iterdir() if path.suffix in (".db3", ".mcap"))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap"])
 def test_bag_is_read_from_any_path(tmp_path: Path, kind: str) -> None:
     """A bag is read whatever characters the folders of its path contain."""
@@ -52,6 +53,7 @@ def test_bag_is_read_from_any_path(tmp_path: Path, kind: str) -> None:
     assert not bag.damage
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("kind", "count"), [("sqlite3", 200), ("mcap", 600)])
 def test_truncated_bag_is_read_up_to_damage(tmp_path: Path, kind: str, count: int) -> None:
     """Completely written messages are read in order, and the bag states the damage."""
@@ -156,6 +158,7 @@ def mcap_of_one_chunk(path: Path, content: bytes, compression: bytes, size: int)
     return path
 
 
+@pytest.mark.journey
 def test_decompression_bomb_is_refused(tmp_path: Path) -> None:
     """A chunk of some kilobytes that unpacks to four gigabytes is an error, without memory use of this process."""
     from lz4.frame import LZ4FrameCompressor

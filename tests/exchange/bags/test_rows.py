@@ -63,6 +63,7 @@ def test_only_middle_image_of_stop_is_written(tmp_path: Path) -> None:
     assert isinstance(row.observations[0], PoseObservation)
 
 
+@pytest.mark.journey
 def test_too_many_lines_are_refused() -> None:
     """More lines than a recording may hold are an error with both counts."""
     many = Track(np.arange(200_001.0), joints=np.zeros((200_001, 1)))

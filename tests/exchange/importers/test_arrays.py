@@ -40,6 +40,7 @@ def test_archive_of_one_arm_becomes_cell(tmp_path: Path, capsys: pytest.CaptureF
     assert set(cell.transforms) == {"hand_base_from_camera", "hand_flange_from_target"}
 
 
+@pytest.mark.journey
 def test_unit_option_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Millimetres read as metres are refused with the option that reads them."""
     in_mm = {name: SE3(pose.rotation, 1e3 * pose.translation) for name, pose in ONE_ARM.items()}

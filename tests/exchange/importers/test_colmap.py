@@ -118,6 +118,7 @@ def test_invalid_image_line_is_reported(tmp_path: Path, line: str, message: str)
         read_colmap_images(tmp_path)
 
 
+@pytest.mark.journey
 def test_truncated_binary_is_refused(tmp_path: Path) -> None:
     """A file cut at any byte is reported as cut off."""
     whole = binary_images(IMAGES)

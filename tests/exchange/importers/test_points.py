@@ -34,6 +34,7 @@ def write_measurements(folder: Path, unit_m: float, heading: str) -> tuple[str, 
     return str(folder / "arm.csv"), str(folder / "points.csv")
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("unit_m", "heading"),
     [(INCH_M, "reflector,sample,x_inch,y_inch,z_inch"), (1e-3, "target,sample,x [mm],y [mm],z [mm]")],

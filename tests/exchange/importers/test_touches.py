@@ -41,6 +41,7 @@ def _is_line_of(line: str, numbers: Sequence[float]) -> bool:
     return len(found) == len(numbers) and bool(np.allclose(found, numbers, atol=1e-3))
 
 
+@pytest.mark.journey
 def test_touches_of_two_arms_give_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Four commands (two imports of touches, calibrate, export) give a good verdict.
 

@@ -64,6 +64,7 @@ def test_frustum_follows_the_lens():
     np.testing.assert_allclose(np.sort(corners, axis=0), [[0, 0], [0, 0], [1279, 719], [1279, 719]], atol=0.1)
 
 
+@pytest.mark.journey
 def test_arm_is_drawn_by_its_joints():
     """The joint positions lead from the base to the flange; a robot with recorded poses has none."""
     made = simulate(Scenario(samples=5, joints=True), 0)
@@ -86,6 +87,7 @@ def test_arm_is_drawn_by_its_joints():
     assert 'class="reach robot-0"' in picture(posed)
 
 
+@pytest.mark.journey
 def test_sample_without_joints_hides_its_arm():
     """The arm has zero joints in this sample and is marked as unknown."""
     made = simulate(Scenario(samples=5, joints=True), 0)
@@ -98,6 +100,7 @@ def test_sample_without_joints_hides_its_arm():
     assert hand.joints.translation.shape == (5, 6, 3)
 
 
+@pytest.mark.journey
 def test_link_bodies_require_all_meshes(tmp_path):
     """Surfaces are drawn with complete poses of the joints. If a mesh is missing, only joint positions are drawn."""
     made = simulate(Scenario(samples=4, joints=True), 0)
@@ -113,6 +116,7 @@ def test_link_bodies_require_all_meshes(tmp_path):
     assert np.shape(data["arms"][0]["joints"]) == (4, 6, 3)
 
 
+@pytest.mark.journey
 def test_largest_error_is_labelled():
     """The data of the script and the still image have the largest error with its position."""
     made = simulate(Scenario(samples=4), 0)

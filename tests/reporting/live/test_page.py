@@ -93,6 +93,7 @@ def test_finished_capture_shows_verdict_and_command(cell):
     assert "data-over" in state["html"]  # hides the button
 
 
+@pytest.mark.journey
 def test_stopped_capture_is_still_reported(cell, monkeypatch):
     """The page is served a little longer after the end, also after an error."""
     monkeypatch.setattr(page, "_REFRESH_S", 1.0)

@@ -27,6 +27,7 @@ def calibrated_cell():
     return simulated, calibrate(simulated.cell, simulated.recording)
 
 
+@pytest.mark.journey
 def test_plan_page_shows_verdict_and_command(calibrated_cell) -> None:
     """The page has the verdict, the command, and the tolerance as a line over the samples.
 
@@ -51,6 +52,7 @@ def test_plan_page_shows_verdict_and_command(calibrated_cell) -> None:
     assert errors[-1] == pytest.approx(plan.expected_m, rel=0.05)
 
 
+@pytest.mark.journey
 def test_plan_without_samples_has_no_command(calibrated_cell) -> None:
     """A tolerance that is already reached needs no command, no scene and no curve."""
     simulated, calibration = calibrated_cell

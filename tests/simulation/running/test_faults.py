@@ -64,6 +64,7 @@ def answers(*faults: str) -> list[np.ndarray]:
     return found
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("name", FAULTS)
 def test_every_fault_has_an_effect(name):
     """A cell with four times the default size answers differently from an intact one.

@@ -73,6 +73,7 @@ def test_a_camera_without_a_target_is_refused(targets, message):
         Plant(world, Clock(0)).shot("wrist")
 
 
+@pytest.mark.journey
 def test_dropped_frames_delay_images():
     """The requested share of frames is lost. The other images take accordingly longer, and are unaffected."""
     _, running = plant("dropped-frames=0.5")
@@ -106,6 +107,7 @@ def test_mounts_deflect_by_gravity(fault, is_turn):
         np.testing.assert_allclose(moved, expected, atol=1e-12)
 
 
+@pytest.mark.journey
 def test_running_cell_is_deterministic():
     """Two cells with the same requests give the same images, to the last bit. A new arrival restarts the noise."""
     images = []

@@ -37,6 +37,7 @@ def test_missing_mujoco_names_the_extra(monkeypatch):
     assert graphics.missing_graphics().endswith("pip install 'basecal[sim]'")
 
 
+@pytest.mark.journey
 def test_unloadable_library_is_a_reason():
     """Any error of OpenGL's bindings becomes a reason in one line, not an exception."""
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'basecal[sim]'")

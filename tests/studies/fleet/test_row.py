@@ -23,6 +23,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.journey
 def test_row_of_good_cell_has_its_results(folder) -> None:
     """The row has the numbers of the calibration, which is returned as well, with hashes of its inputs."""
     found = json.loads(calibrate_row(str(folder), "a"))
@@ -37,6 +38,7 @@ def test_row_of_good_cell_has_its_results(folder) -> None:
     assert found["fault"] == ""
 
 
+@pytest.mark.journey
 def test_page_is_made_from_calibration(folder) -> None:
     """The page gets the cell, the recording and the calibration with its hashes, titled by the cell's path."""
 

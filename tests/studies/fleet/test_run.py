@@ -57,6 +57,7 @@ def test_unchanged_cells_are_not_repeated(tmp_path, monkeypatch) -> None:
     assert done[3:] == ["b"]
 
 
+@pytest.mark.journey
 def test_calibrations_are_stored_with_rows(tmp_path) -> None:
     """No file is written among the cells, and damaged rows are computed again."""
     folder = make(tmp_path / "cells", ["a"])

@@ -23,6 +23,7 @@ def make_draws(hold: str, count: int = 4) -> Draws:
     return draw(draw_cell(settings, 2, 0, None), settings, (2, 0, 0), count)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     "hold",
     ["pixel_px: 0.2", "state_pixel_noise: false", "robot_sigma_t_m: 2e-4, robot_sigma_r_rad: 2e-4, arms: stations"],

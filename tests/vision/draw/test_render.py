@@ -32,6 +32,7 @@ from vision_scenes import FISHEYE, PLAIN, SMALL, TARGETS, WIDE, poses
 CLEAN = RenderSettings(noise=0.0)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("camera", [PLAIN, WIDE, FISHEYE], ids=["plain", "wide", "fisheye"])
 @pytest.mark.parametrize("blur", quick([0.5, 1.0, 2.0], [0.5]))
 def test_corners_are_unbiased(camera: Camera, blur: float) -> None:

@@ -27,6 +27,7 @@ def test_chessboard_is_detected_in_poor_images(how: str) -> None:
     check_poor_image(detect, SHAPE, *POOR[how])
 
 
+@pytest.mark.journey
 def test_smaller_board_is_not_detected() -> None:
     """A board with fewer squares than stated is not detected."""
     image = shrunk(scene(SHAPE), 2)
@@ -34,6 +35,7 @@ def test_smaller_board_is_not_detected() -> None:
     assert detect(image, chessboard_target((10, 7), 0.03)) is None
 
 
+@pytest.mark.journey
 def test_tilted_board_is_searched_at_full_size(monkeypatch: pytest.MonkeyPatch) -> None:
     """A board tilted so far that some corners are lost at half the size is searched at full size as well."""
     rotation = SE3.from_rpy((-0.707, 0.565, 1.723), np.zeros(3)).rotation

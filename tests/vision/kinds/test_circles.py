@@ -43,6 +43,7 @@ def test_circles_are_detected_in_poor_images(how: str) -> None:
     check_poor_image(detect, SHAPE, *POOR[how])
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("bits", [8, 16])
 def test_bright_circles_are_detected(bits: int) -> None:
     """Bright discs on dark paper are detected like dark ones on bright paper, with the same sigmas."""
@@ -75,6 +76,7 @@ def test_mirrored_grid_is_not_detected() -> None:
     assert detect(np.fliplr(scene(shape)), shape) is None
 
 
+@pytest.mark.journey
 def test_circle_sigmas_match_errors() -> None:
     """The sigmas of 160 coordinates agree with the errors within a tenth."""
     images = [render(WIDE, SHAPE, at(SHAPE), RenderSettings(), seed) for seed in range(2)]
@@ -83,6 +85,7 @@ def test_circle_sigmas_match_errors() -> None:
     assert np.sqrt(np.mean(squares)) == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.journey
 def test_search_in_many_blobs_is_bounded() -> None:
     """The search for a grid among thousands of specks ends, and no grid is detected."""
     specks = np.random.default_rng(0).normal(0, 1, (480, 640))
@@ -92,6 +95,7 @@ def test_search_in_many_blobs_is_bounded() -> None:
     assert time.perf_counter() - began < 20  # one second; unbounded, minutes
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("circles", "asymmetric"), [((5, 7), True), ((4, 4), False)])
 @pytest.mark.parametrize("blur_px", [0.0, 2.0])
 def test_chessboard_is_not_a_grid_of_circles(circles: tuple[int, int], asymmetric: bool, blur_px: float) -> None:

@@ -60,6 +60,7 @@ def errors(settings: LedSettings, count: int, pair: bool) -> tuple[Array, Array]
     return np.array(error), np.array(sigma)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("pair", [False, True], ids=["single", "pair"])
 @pytest.mark.parametrize("spot", quick([0.8, 1.5], [1.5]))
 @pytest.mark.parametrize("photons", [3e3, 3e5])

@@ -62,6 +62,7 @@ def test_features_move_with_the_image() -> None:
     assert np.abs(off[near].mean(0)).max() < 0.02
 
 
+@pytest.mark.journey
 def test_spots_are_found_at_their_centres() -> None:
     """Features of round spots are at their centres to 0.03 px in the mean.
 
@@ -95,6 +96,7 @@ def test_masked_regions_have_no_features() -> None:
     assert len(find_features(blots(), [square[:2]])) == len(every)
 
 
+@pytest.mark.journey
 def test_many_features_are_thinned_evenly() -> None:
     """A large image keeps at most `MAX_FEATURES` features, about a quarter of them in each quarter of it."""
     found = find_features(blots(4, (900, 1200)))
