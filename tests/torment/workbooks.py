@@ -15,7 +15,7 @@ from openpyxl import Workbook
 from openpyxl.comments import Comment
 from openpyxl.utils.datetime import CALENDAR_MAC_1904
 
-from basecal.exchange.controller_poses import Reading, read_controller_poses
+from basecal.exchange.controller_poses import PoseFormat, read_controller_poses
 from torment.damage import HOSTILE_TEXTS, ODD_NUMBERS, torn, torn_bytes
 from torment.outcome import run_reader
 
@@ -42,7 +42,7 @@ _ENTITIES = '<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;
 def read_damaged_workbook(chance: Random, folder: Path) -> str:
     """A damaged workbook of poses, read by the process that is made for it."""
     path = write_damaged_workbook(chance, folder)
-    return run_reader(lambda: read_controller_poses(str(path), "arm", Reading("kuka")))
+    return run_reader(lambda: read_controller_poses(str(path), "arm", PoseFormat("kuka")))
 
 
 def write_damaged_workbook(chance: Random, folder: Path) -> Path:
