@@ -67,6 +67,7 @@ def test_equal_samples_are_refused():
     assert "too-few-samples" in codes(calibration)
 
 
+@pytest.mark.journey
 def test_still_eye_leaves_mount_and_base_unobservable():
     """With the eye at rest and its mount free, mount and base compensate each other; the target's mount is given."""
     s = simulate(Scenario(arms="eye_still"), seed=0)
@@ -113,6 +114,7 @@ def test_wrong_board_size_is_named():
     assert not calibration.transforms
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("arms", ["both", "stations"])
 def test_fixed_cell_is_checked_as_stated(arms):
     """A cell with all transforms fixed is checked without an error: there is nothing to solve for."""

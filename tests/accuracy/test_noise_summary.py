@@ -40,6 +40,7 @@ def test_stated_noise_is_listed():
     assert found["robots"]["hand"] == {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}
 
 
+@pytest.mark.journey
 def test_estimated_sigma_is_compared_with_detector():
     """Noise of 0.2 px is four times the 0.05 px that the detector states, within the error of 300 corners."""
     recording = with_detector_sigma(BARE.recording, 0.05)
@@ -99,6 +100,7 @@ def test_joint_errors_state_effect_after_base_and_mount():
     assert (found["shift_m"], found["turn_rad"]) == (5e-4, 1e-3)
 
 
+@pytest.mark.journey
 def test_noise_survives_file_and_report():
     """Noise is in `calibrate`, in `calibration.json` and in the report's sentences."""
     found = calibrate(BARE.cell, with_detector_sigma(BARE.recording, 0.05))

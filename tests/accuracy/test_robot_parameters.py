@@ -41,6 +41,7 @@ def test_first_and_last_joint_rest_on_prior():
     assert turn > np.sqrt(2) * 0.19 * DEGREE > 3 * alone
 
 
+@pytest.mark.journey
 def test_known_mount_shows_last_joint():
     """With the camera mount fixed the eye's last offset is seen; with base and target mount fixed also its first."""
     fixed = replace(ARMS, joint_offset_rad=0.2 * DEGREE, joint_offsets="prior", camera_mount="fixed")
@@ -50,6 +51,7 @@ def test_known_mount_shows_last_joint():
     assert all(of.seen.all() for of in joint_offsets(solve(made.cell, made.recording)).values())
 
 
+@pytest.mark.journey
 def test_unobservable_free_offsets_are_nan():
     """Free first and last offsets are NaN with free ends; all offsets of a still arm are."""
     free = replace(ARMS, joint_offset_rad=0.2 * DEGREE, joint_offsets="free")

@@ -173,6 +173,7 @@ def test_blurred_images_are_refused(tmp_path, monkeypatch):
     assert not (tmp_path / "recording" / "samples.jsonl").exists()
 
 
+@pytest.mark.journey
 def test_arm_that_does_not_arrive_is_reported(tmp_path, monkeypatch):
     """With less patience than the motion takes, the arm is not at its goal."""
     monkeypatch.setattr(module, "_joint_travel_rad", lambda start, end: 0.0)
@@ -182,6 +183,7 @@ def test_arm_that_does_not_arrive_is_reported(tmp_path, monkeypatch):
     assert step.why_not.startswith("arm not at its goal: ")
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("torn", ["", '{"sample": 7', '{"why": 3}\n'])
 def test_truncated_line_of_a_given_up_sample_is_ignored(tmp_path, torn):
     """A sample whose line was truncated is tried again."""
@@ -192,6 +194,7 @@ def test_truncated_line_of_a_given_up_sample_is_ignored(tmp_path, torn):
     assert (tmp_path / PLAN_FILE).exists()
 
 
+@pytest.mark.journey
 def test_damaged_lines_of_given_up_samples_are_ignored(tmp_path):
     """Samples of lines that are no text, have huge numbers, or are nested too deeply are tried again."""
     with running(tmp_path) as world:

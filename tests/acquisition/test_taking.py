@@ -70,6 +70,7 @@ def test_motion_is_waited_for_once_more(tmp_path, monkeypatch):
     assert told == ["sample 0", "arm still moving: eye; once more"]
 
 
+@pytest.mark.journey
 def test_camera_ignores_targets_on_its_own_carrier(tmp_path):
     """Only targets on other bodies can be in its view."""
     with running(tmp_path) as world:
@@ -158,6 +159,7 @@ def test_all_arms_accept_before_any_moves(tmp_path):
             assert said[2:] == ["move eye 0.500", "move hand 0.500"]
 
 
+@pytest.mark.journey
 def test_slow_motion_is_waited_for(tmp_path):
     """The waiting time is that of the longest motion at its speed."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
@@ -213,6 +215,7 @@ def test_repeated_image_ends_the_capture(tmp_path):
     assert not (tmp_path / "recording/images/wrist/000002.png").exists()
 
 
+@pytest.mark.journey
 def test_image_of_another_size_ends_the_capture(tmp_path):
     """The error has the camera, its size and that of `cell.yaml`."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:

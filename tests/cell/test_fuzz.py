@@ -54,6 +54,7 @@ def refusal(read: Callable[[], object]) -> str | None:
     return None
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("start", quick(range(0, 300, 50), (0, 50, 100)))
 def test_damaged_cell_file_names_file(folder: Path, start: int) -> None:
     """A damaged cell.yaml either gives a cell or an InputError that names the file."""

@@ -32,6 +32,7 @@ def joints(folder: Path) -> np.ndarray:
     return found
 
 
+@pytest.mark.journey
 def test_no_arm_moves_without_go(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The output names the robots that would move, with speeds and counts; arms stay, and no file is written."""
     with running(tmp_path) as world:
@@ -135,6 +136,7 @@ def test_capture_ends_when_the_tolerance_is_reached(tmp_path: Path, capsys: pyte
         assert "1.5 mm at the task point is reached" in capsys.readouterr().out
 
 
+@pytest.mark.journey
 def test_unready_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A new cell without guesses, and a simulated cell that does not run, are refused with advice."""
     main(["new", str(tmp_path / "new")])

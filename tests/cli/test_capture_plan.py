@@ -112,6 +112,7 @@ def test_tool_speed_needs_a_unit(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert re.search(f"--tool-speed-limit '?{speed}'?: expected", capsys.readouterr().err)
 
 
+@pytest.mark.journey
 def test_missing_mesh_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The plan is checked with a line in place of the mesh, and a warning reports it."""
     with running(tmp_path) as world:

@@ -47,6 +47,7 @@ def test_single_run_is_refused(cell: Path, capsys: pytest.CaptureFixture[str]) -
     assert "give two or more runs" in capsys.readouterr().err
 
 
+@pytest.mark.journey
 def test_another_cell_disagrees(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = tmp_path / "other"
     assert main(["simulate", str(other), "--samples", "15", "--seed", "6"]) == 0

@@ -140,6 +140,7 @@ def test_drivers_within_the_cell_need_no_confirmation(tmp_path: Path, capsys: py
     assert "connects to" not in capsys.readouterr().err
 
 
+@pytest.mark.journey
 def test_second_capture_of_a_cell_is_refused(
     tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str]
 ) -> None:

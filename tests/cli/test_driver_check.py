@@ -84,6 +84,7 @@ def test_a_cell_without_drivers(tmp_path, capsys):
     assert "no robot or camera has a `driver`: add it to cell.yaml" in capsys.readouterr().err
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
@@ -107,6 +108,7 @@ def test_unknown_names_and_options_are_refused(tmp_path, capsys, words, code, me
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.journey
 def test_cell_in_use_is_not_opened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No driver is opened while another process holds the folder."""
     with running(tmp_path), locked_folder(tmp_path):

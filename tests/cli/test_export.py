@@ -121,6 +121,7 @@ def test_each_controller_has_its_own_line(solved: Path, tmp_path: Path, capsys: 
     np.testing.assert_allclose(written[:3], 1e3 * mean.inverse().translation, atol=1e-2)
 
 
+@pytest.mark.journey
 def test_any_two_frames_are_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In a ring of three, the pose of one base in another, neither the reference: in json with the joint covariance."""
     made = simulate(Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4)), 1)

@@ -54,6 +54,7 @@ def test_stored_run_gives_the_same_page(calibrated: Path, capsys: pytest.Capture
     assert str(calibrated.parent) not in fresh
 
 
+@pytest.mark.journey
 def test_page_belongs_to_its_run(calibrated: Path) -> None:
     """A second calibration writes its page beside its own answer, and `report` that of the latest run."""
     first = page_of(calibrated)

@@ -62,6 +62,7 @@ def test_unreachable_tolerance_exits_with_code_1(cell, capsys):
     assert found["forbidden_by"] == found["budget"][0]["source"]
 
 
+@pytest.mark.journey
 def test_reached_tolerance_needs_no_samples(cell, capsys):
     """The recorded samples suffice."""
     assert main(["plan", str(cell), "--tolerance", "10cm", "--task-point", "-0.3", "0.7", "0.1"]) == 0

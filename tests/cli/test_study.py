@@ -29,6 +29,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.journey
 def test_json_is_the_summary(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One object has the paths of table and page; the folder has the same summary."""
     folder = file.parent / "out"
@@ -42,6 +43,7 @@ def test_json_is_the_summary(file: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert (folder / "study.yaml").read_text() == TEXT
 
 
+@pytest.mark.journey
 def test_output_folder_is_named_after_the_file(
     file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from basecal.effects.smooth import LENGTH_M
 from basecal.effects.smooth_by_place import errors, kernel
@@ -30,6 +31,7 @@ def test_errors_depend_on_position_not_orientation():
     assert np.isclose(expected[0, 1], np.exp(-0.5 * (apart / LENGTH_M) ** 2))
 
 
+@pytest.mark.journey
 def test_covariance_includes_error_absorbed_by_base():
     """Errors of 2 mm and 2 mrad shift the base by millimetres.
 

@@ -53,6 +53,7 @@ def test_frame_names_are_quoted_for_shell(name: str) -> None:
     assert words[-2:] == ["--child-frame-id", "child"]
 
 
+@pytest.mark.journey
 def test_ros_covariance_is_along_parent_axes() -> None:
     """The covariance matches 200000 draws of the child's origin and rotation in the parent's axes.
 

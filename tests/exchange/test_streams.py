@@ -165,6 +165,7 @@ def test_invalid_pixel_archives_are_refused(tmp_path: Path) -> None:
             read_pixels(tmp_path / name)
 
 
+@pytest.mark.journey
 def test_points_of_many_samples_are_sorted_once(tmp_path: Path) -> None:
     """Points of fifty thousand images in any order are sorted quickly, which took minutes before.
 

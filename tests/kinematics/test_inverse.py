@@ -14,6 +14,7 @@ def remaining_error(chain, joints, pose):
     return (chain.forward(joints).inverse() @ pose).log()
 
 
+@pytest.mark.journey
 def test_inverse_kinematics_round_trip(chain):
     """From starts within 0.3 rad, 30 random poses 0.3 rad inside the limits are all reached to 1e-10."""
     rng = np.random.default_rng(2)

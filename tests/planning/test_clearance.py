@@ -114,6 +114,7 @@ def test_capsule_distances_match_coal(tmp_path):
             assert from_box - 0.006 <= post.gap_m <= from_box + 1e-6
 
 
+@pytest.mark.journey
 def test_clearances_bound_true_distances_from_below(tmp_path):
     """Clearances are never larger than the true distances of the bodies, nor much smaller.
 

@@ -185,6 +185,7 @@ def test_truth_is_independent_of_noise_and_statuses() -> None:
         np.testing.assert_array_equal(pose.matrix, two.truth[name].matrix)
 
 
+@pytest.mark.journey
 def test_base_rotation_and_distance_vary() -> None:
     """Over seeds the yaw of the base covers the circle and its distance is 0.8 to 2.2 m. Some bases are tilted far."""
     bases = SE3.stack([simulate(Scenario(samples=1), seed).truth["eye_base_from_hand_base"] for seed in range(60)])
@@ -205,6 +206,7 @@ def test_fixed_transform_is_exact_and_free_unstated() -> None:
     np.testing.assert_array_equal(sim.truth["hand_flange_from_board"].rotation, np.eye(3))
 
 
+@pytest.mark.journey
 def test_priors_scatter_with_stated_sigmas() -> None:
     """The truth is mean @ exp(xi) with xi of the stated sigmas, and the parameters of a lens scatter likewise."""
     scenario = Scenario(

@@ -59,6 +59,7 @@ def test_orthonormalising_first_improves_translation(study):
         assert order["translation_error_after"] == pytest.approx(after, rel=5e-3)
 
 
+@pytest.mark.journey
 def test_noise_study_file_matches_the_paper():
     """The closed form of the noise study has the errors of the paper's own arithmetic.
 

@@ -24,6 +24,7 @@ def test_intact_image_has_no_damage(capfd: pytest.CaptureFixture[str]) -> None:
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.journey
 def test_visible_damage_of_jpeg_is_reported(capfd: pytest.CaptureFixture[str]) -> None:
     """Every JPEG with missing or zeroed bytes that differs visibly is reported as damaged, and nothing is printed."""
     rng, sound, silent = np.random.default_rng(0), decode(JPEG).pixels, 0

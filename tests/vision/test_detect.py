@@ -140,6 +140,7 @@ def test_background_image_removes_other_lights(tmp_path: Path) -> None:
     assert "gone.png is missing" in detect(LIT, lost, tmp_path).findings[1].message
 
 
+@pytest.mark.journey
 def test_second_detection_uses_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No image is searched twice. A different image, target or size is searched anew."""
     calls = []

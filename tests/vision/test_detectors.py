@@ -172,6 +172,7 @@ def test_chessboard_ids_start_at_black_square() -> None:
         np.testing.assert_allclose(detection.pixels, PLAIN.project(pose @ shape.points), atol=0.1)
 
 
+@pytest.mark.journey
 def test_foreign_and_repeated_tags_are_excluded() -> None:
     """Tags that are not on the target, and a tag that appears twice, are excluded."""
     two = apriltag_target("tag36h11", [(k, 0.08, SE3(np.eye(3), np.array([0.12 * k, 0, 0]))) for k in (0, 1)])

@@ -25,6 +25,7 @@ def nearest_reading(shape: Target, error: Array, back: Array) -> Array:
     return min((error, back), key=lambda each: float(np.abs(each).max())) if shape.has_half_turn_symmetry else error
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", TARGETS)
 def test_every_target_kind_is_detected(kind: TargetKindName) -> None:
     """Every point of a typical target is found in its image within 0.1 px, under its own id."""

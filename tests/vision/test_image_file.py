@@ -161,6 +161,7 @@ def huge(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(written)
 
 
+@pytest.mark.journey
 def test_huge_image_is_refused_by_its_header() -> None:
     """An image of 90 megapixels is refused by its header, within a second and a megabyte of memory."""
     data = huge(30000, 3000)

@@ -71,6 +71,7 @@ def test_missing_targets_are_explained(tmp_path: Path) -> None:
     assert explain_no_target([], board, tmp_path) == ""
 
 
+@pytest.mark.journey
 def test_visible_other_target_is_named(tmp_path: Path) -> None:
     """If most images lack the target, the finding names the target that they show."""
     for k in range(1, 6):

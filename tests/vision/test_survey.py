@@ -170,6 +170,7 @@ def test_mirrored_images_are_reported() -> None:
     assert "the images are mirrored" in (describe_other_targets([mirrored], BOARD) or "")
 
 
+@pytest.mark.journey
 def test_second_print_of_board_is_reported() -> None:
     """Two boards with the same markers in one image are not detected as a board, and are reported."""
     both, other = (render(CAMERA, BOARD, print_of(BOARD, x), None, 1) for x in (0.17, -0.17))
@@ -188,6 +189,7 @@ def test_charuco_board_is_not_a_chessboard() -> None:
     assert "DICT_4X4_50 has 17 markers here: write kind: charuco" in (describe_other_targets([image], described) or "")
 
 
+@pytest.mark.journey
 def test_single_marker_suggests_no_dictionary() -> None:
     """A single marker of another dictionary may be clutter."""
     image = render(CAMERA, tag("DICT_6X6_250", 3), SE3.from_rpy((np.pi, 0, 0), (0, 0, 0.6)), None, 1)

@@ -28,6 +28,7 @@ def find_offsets(made: Streamed, settings: Settings | None = None) -> dict[str, 
     return search_offsets(streams, settings or Settings()).offsets_s
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("offset_s", "stated"),
     quick(product((0.0, -0.04, 0.43), (True, False)), [(0.0, True), (-0.04, False), (0.43, True)]),

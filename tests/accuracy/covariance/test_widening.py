@@ -99,6 +99,7 @@ def squared_error(made: SimulatedCell, mean: object, covariance: Array) -> float
     return float(off @ np.linalg.solve(covariance, off))
 
 
+@pytest.mark.journey
 def test_arc_is_within_curved_ellipsoid() -> None:
     """Offsets of the first joints rotate the base by degrees.
 

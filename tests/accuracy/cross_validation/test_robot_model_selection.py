@@ -44,6 +44,7 @@ def with_one_offset(joint: int, rad: float) -> SimulatedCell:
     return replace(made, recording=recording, robots={**made.robots, "hand": true})
 
 
+@pytest.mark.journey
 def test_single_joint_offset_is_named():
     """An offset of 0.3 deg of joint 3 is found alone, within four sigmas, with the entry to write."""
     made = with_one_offset(2, 0.3 * DEGREE)
@@ -105,6 +106,7 @@ def test_alternating_arms_do_not_mislead_choice(stated, offset_deg, kinds):
     assert (choice.chosen.kind if choice else "none") in kinds
 
 
+@pytest.mark.journey
 def test_poses_or_estimated_offsets_leave_no_choice():
     """Robots with poses, with estimated offsets, or with few samples have no model to compare with."""
     posed = simulate(Scenario(samples=20), 0)

@@ -178,6 +178,7 @@ def test_indispensable_stations_are_split():
     assert codes == set()
 
 
+@pytest.mark.journey
 def test_few_views_of_free_lens_predict_badly():
     """A free lens with distortion from five board views predicts badly, as its covariance expects."""
     for seed in range(2):

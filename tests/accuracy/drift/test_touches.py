@@ -77,6 +77,7 @@ def test_touches_alone_determine_base(cell):
     assert np.mean(found) == pytest.approx(6.0, abs=3.5 * np.sqrt(12 / 60))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_calibrate_prints_good(tmp_path, capsys, seed):
     """The command finds the base from touches alone, exact (no seed) or with the stated noise."""

@@ -266,6 +266,7 @@ def test_few_samples_have_no_shared_errors() -> None:
     assert found.chance == pytest.approx(min(1.0, 3 * np.exp(likeliest_shift(find_innovations(few)).log_chance)))
 
 
+@pytest.mark.journey
 def test_moved_joint_is_no_shared_error() -> None:
     """The part explained by a joint offset is excluded from shared errors, too."""
     found = find_innovations(many(0, joints=True, robot_noise=(1e-4, 2e-4)))

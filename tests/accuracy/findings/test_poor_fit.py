@@ -75,6 +75,7 @@ def test_too_large_sigmas_follow_other_causes(evidence):
     assert "times what the stated sigmas explain" in found[0].message
 
 
+@pytest.mark.journey
 def test_sigma_in_wrong_unit_is_named():
     """A sigma stated in metres instead of millimetres is named with the value that the data show.
 

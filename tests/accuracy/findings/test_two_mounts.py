@@ -34,6 +34,7 @@ def find_two_mounts(shift_m, layout="eye_to_hand", robot="arm"):
     return two_mounts(evidence_of(made.cell, solution))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("layout", "robot", "mount"), [
     ("eye_to_hand", "arm", "arm_flange_from_board"), ("dual", "hand", "hand_flange_from_board"),
 ])  # fmt: skip

@@ -61,6 +61,7 @@ def test_inverted_poses_and_carriers_are_choices() -> None:
     }
 
 
+@pytest.mark.journey
 def test_fitting_angle_list_is_used() -> None:
     """The better of two angle lists is used.
 

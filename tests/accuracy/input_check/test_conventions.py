@@ -177,6 +177,7 @@ def test_wrong_fixed_lens_of_rct_is_named():
     assert right.verdict != "refused"
 
 
+@pytest.mark.journey
 def test_half_turn_without_effect_on_answer_is_not_reported():
     """A chessboard's half turn that only changes the board's own mount is not reported.
 
@@ -186,6 +187,7 @@ def test_half_turn_without_effect_on_answer_is_not_reported():
     assert calibrate(made.cell, made.recording).verdict == "good"
 
 
+@pytest.mark.journey
 def test_size_error_of_one_thousandth_is_not_named():
     """A target size off by a thousandth is not named: it hardly improves the fit, though it moves the answer."""
     made = simulate(Scenario(samples=20, robot_noise=(3e-4, 5e-4)), 1)
@@ -308,9 +310,7 @@ def test_hold_out_needs_quarter_more_equations(equations, enough):
 
     For 18 unknowns, 22.5 must be left in two folds: 34 equations leave 22.7, 33 are too few.
     """
-    measurement = SimpleNamespace(equations=lambda: np.array([equations - 3, 3]))
-    problem = SimpleNamespace(groups=(SimpleNamespace(measurement=measurement),), width=18)
-    assert conventions._can_hold_out(problem) == enough
+    assert conventions._can_hold_out(SimpleNamespace(equation_count=equations, width=18)) == enough
 
 
 def test_led_loop_limits_apply_to_pose_hypotheses(monkeypatch):

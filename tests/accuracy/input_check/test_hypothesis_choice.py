@@ -273,6 +273,7 @@ def lens_evidence(made, cell):
     return noise_evidence(fit_reading(given.restate(with_lens(cell, status="free"))), fit_reading(given))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", quick(range(3), [0]))
 def test_robot_noise_causes_no_size_evidence(seed):
     """Robot noise of 0.1 mm may make a board seem 0.3 % larger, without evidence for it; 3 % are detected."""
@@ -302,6 +303,7 @@ def test_points_in_space_show_target_size():
     assert found.chance < 1e-12
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", quick(range(3), [1]))
 def test_robot_noise_causes_no_lens_evidence(seed):
     """The correctly stated lens is plausible; a lens with its centre stated 30 px off is not."""

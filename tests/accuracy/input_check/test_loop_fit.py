@@ -32,6 +32,7 @@ def pairs_of(made, problem):
     return [(prepare_views(g, made.cameras.get(g.camera), VIEWS), problem) for g in problem.groups]
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("target", ["charuco", "pose", "led"])
 def test_batch_fits_equal_separate_fits(target):
     """Fits of all hypotheses in one batch equal those of each alone, and only the declared one closes its loops."""

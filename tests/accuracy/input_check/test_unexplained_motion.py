@@ -44,6 +44,7 @@ def test_true_state_leaves_noise_only():
     assert not is_hopeless(PROBLEM, TRUE)
 
 
+@pytest.mark.journey
 def test_shuffled_poses_leave_motion_unexplained():
     """Shuffled poses leave much of the motion unexplained, whatever is fitted.
 
@@ -227,6 +228,7 @@ def test_hopeless_limits_are_fifth_of_motion_or_fifty_pixels(monkeypatch, share,
 ARMS = Scenario(samples=16, joints=True, joint_offset_rad=np.radians(8.0))
 
 
+@pytest.mark.journey
 def test_joint_offsets_of_degrees_are_named():
     """The largest visible joint offset of each arm is named to a degree or two.
 

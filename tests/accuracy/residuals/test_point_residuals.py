@@ -19,6 +19,7 @@ from basecal.simulation.scenario import Arms, Scenario, SimulatedCell
 from basecal.simulation.testbed import simulate
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("arms", "robot_noise", "intrinsics"),
     [

@@ -159,6 +159,7 @@ def test_fixed_mount_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.linalg.norm(off.log()) < 1e-12
 
 
+@pytest.mark.journey
 def test_single_arm_gives_mount_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """The answer of a single camera is its mount, to 3 mm."""
     scene = made_scene(2, count=12, points=150)
@@ -287,6 +288,7 @@ def test_expected_error_at_recorded_places() -> None:
     assert 0.5 < np.sqrt(np.mean(squares) / np.mean(variances)) < 2
 
 
+@pytest.mark.journey
 def test_expected_error_at_task_point() -> None:
     """A task point 2 m away, far from both arms, has a larger expected error than the middle, and is named."""
     fit = fit_two_arms(1)

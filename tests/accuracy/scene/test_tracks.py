@@ -59,7 +59,7 @@ def test_tracks_survive_write_and_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("observations", "reason"),
     [
-        ([{"camera": "left_eye", "tracks": [1, 2], "pixels": [[0, 0]]}], "2 tracks for 1 pixels"),
+        ([{"camera": "left_eye", "tracks": [1, 2], "pixels": [[0, 0]]}], "2 tracks for 1 pixel"),
         ([{"camera": "left_eye", "tracks": [1, 1], "pixels": [[0, 0], [1, 1]]}], "given twice in one image"),
         ([{"camera": "left_eye", "tracks": [1], "pixels": [[0, 0]], "target": "board"}], "target"),
         ([{"camera": "left_eye", "tracks": [1.5], "pixels": [[0, 0]]}], "whole numbers"),

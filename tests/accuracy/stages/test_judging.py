@@ -200,6 +200,7 @@ def test_well_posed_cell_is_certified():
 STATED = Settings(robot_noise="stated")
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("pixel_noise", [True, False])
 def test_thinned_solution_has_equal_held_out_error(pixel_noise: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A third of the views has three times the covariance and the same held-out error within a tenth."""

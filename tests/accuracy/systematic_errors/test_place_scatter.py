@@ -67,6 +67,7 @@ def test_noise_has_no_place_scatter(moved):
     assert all(40 < each.freedoms < 130 for each in found)
 
 
+@pytest.mark.journey
 def test_errors_by_place_increase_scatter():
     """Errors of 5 mm between places scatter more than three times as much as noise."""
     assert min(scatter_of(solve_places(seed, 5e-3)).ratio for seed in range(4)) > 3.0

@@ -92,6 +92,7 @@ def test_few_samples_have_no_parts(made: SimulatedCell) -> None:
     assert local_fits(solve(made.cell, few), [BASE]) == ()
 
 
+@pytest.mark.journey
 def test_box_is_single_part(made: SimulatedCell) -> None:
     """A box of two opposite corners in any order is the only part, with the samples whose targets are in it."""
     solution = solve(made.cell, bend_hand(made, 3e-3))

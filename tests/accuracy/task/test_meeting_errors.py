@@ -151,6 +151,7 @@ def test_models_are_mixed_by_evidence(arms_off, monkeypatch):
     np.testing.assert_allclose(covariance[0], squares - np.outer(wanted, wanted), rtol=1e-6, atol=1e-14)
 
 
+@pytest.mark.journey
 def test_estimated_kinematics_add_their_uncertainty():
     """Offsets with a prior of 2 mrad leave flanges uncertain by milliradians, which fixed ones do not."""
     found = {}

@@ -42,6 +42,7 @@ def test_task_needs_placed_transform():
         calibrate(lone.cell, lone.recording, Settings(task_point=(0.0, 0.0, 0.0)))
 
 
+@pytest.mark.journey
 def test_widening_and_clocks_are_budget_lines():
     """Systematic errors and clocks are budget lines with their variance at the task; the map adds both to the noise."""
     made = simulate(Scenario(samples=10, target="pose", robot_noise=(1e-4, 2e-4)), 2)

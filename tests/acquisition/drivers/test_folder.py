@@ -103,6 +103,7 @@ def test_file_that_is_no_image_is_reported(folder):
         source.image()
 
 
+@pytest.mark.journey
 def test_first_file_that_is_no_image_is_reported_soon(folder, monkeypatch):
     """A program with another format is reported within seconds; not after a first image, and not for hidden files."""
     monkeypatch.setattr("basecal.acquisition.drivers.folder._WRITING_S", 0.05)

@@ -49,6 +49,7 @@ def test_topic_is_offered_like_ros():
     assert said(late.messages(2.0)) == ["after"]
 
 
+@pytest.mark.journey
 def test_topic_is_waited_for():
     """A topic published later is found; a missing one is waited for until the timeout."""
     offers, publishers = Discovery(DOMAIN), []

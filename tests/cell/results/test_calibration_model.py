@@ -119,6 +119,7 @@ def calibrations(draw: st.DrawFn) -> Calibration:
     )
 
 
+@pytest.mark.journey
 @settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(calibrations())
 def test_any_written_calibration_is_read_back(calibration: Calibration) -> None:

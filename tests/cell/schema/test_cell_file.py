@@ -113,6 +113,7 @@ def test_round_trip(folder: Path) -> None:
     assert_array_equal(cell.targets["tags"].target.points.round(12), again.targets["tags"].target.points.round(12))
 
 
+@pytest.mark.journey
 @settings(deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=6, max_size=6), st.lists(st.floats(1e-9, 10), min_size=6, max_size=6))
 def test_any_prior_survives_round_trip(xi: list[float], sigma: list[float]) -> None:

@@ -158,6 +158,7 @@ def test_bound_nearly_equals_the_cost_of_rotations():
     assert 0.98 * only.cost < lower <= only.cost * (1 + 1e-9)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("seed", range(6))
 def test_rotations_about_one_axis_are_never_proven(seed):
     """Arms that rotate about one axis leave a continuum of solutions, and no claim is made."""

@@ -44,6 +44,7 @@ def squares_per_freedom(squares) -> np.ndarray:
     return np.concatenate([s.value[s.freedoms > 0] / s.freedoms[s.freedoms > 0] for s in squares])
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("scenario", "freedoms"),
     [

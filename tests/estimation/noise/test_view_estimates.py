@@ -31,6 +31,7 @@ def test_board_view_counts_as_a_pose():
     assert found.cost.sum() / found.count == pytest.approx(0.04, rel=0.6)
 
 
+@pytest.mark.journey
 def test_freedoms_of_views_with_a_lens_are_smooth():
     """A change of a fortieth of a distortion term changes them by less than 0.1, while ranks jump by whole numbers."""
     cell, recording = example("ur5e_dual")

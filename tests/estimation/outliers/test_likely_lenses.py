@@ -30,6 +30,7 @@ def solve_with_lens_error(off_px: float, exact: bool = False):
     return cell, solve_robustly(problem, cell, SETTINGS, solve_problem(problem, cell, SETTINGS))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("off_px", "exact"), [(0.0, False), (1.0, False), (25.0, True)])
 def test_usual_lens_errors_are_kept(off_px, exact):
     """If the lens error is usual, or the lens is stated as exact, the solution is unchanged."""

@@ -130,6 +130,7 @@ def test_reflections_instead_of_the_led_are_left_out(mounts, count):
     assert distance(base_of(ours.solution), s.truth[BASE]) < 0.005
 
 
+@pytest.mark.journey
 def test_led_candidates_are_chosen_again_at_the_robust_state():
     """Each view has two candidates, with the LED second in half of them.
 

@@ -39,6 +39,7 @@ def test_chessboards_read_from_either_end_are_resolved(seed):
         assert distance(clean.state.transforms[name], sorted_out.state.transforms[name]) < 1e-7
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("mounts", ["fixed", "free"])
 def test_led_is_found_among_reflections(mounts):
     """If a third of the views list a reflection first, the result is still that of the LED alone."""

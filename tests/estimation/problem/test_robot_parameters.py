@@ -70,6 +70,7 @@ def test_end_is_free_if_all_its_transforms_are(scenario, robot, ends):
     assert free_ends(build_problem(made.cell, made.recording)[0], robot) == ends
 
 
+@pytest.mark.journey
 def test_columns_are_derivatives_of_the_flange(arm, joints):
     """Columns equal finite differences at large offsets, link errors and compliances, for all at once."""
     rng = np.random.default_rng(1)

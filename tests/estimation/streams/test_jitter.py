@@ -129,6 +129,7 @@ def test_covariance_with_jitter_is_consistent() -> None:
     assert sum(each.verdict == "good" for each in found) >= 30  # large bends are reported
 
 
+@pytest.mark.journey
 def test_wrongly_exact_time_stamps_give_a_poor_fit() -> None:
     """Time stamps with 4 ms of jitter that are stated as exact give the finding `poor-fit`."""
     made = with_stamp_jitter(4e-3, clock=Clock("free", 0.0, None, 0.0))

@@ -117,6 +117,7 @@ def test_computed_tables_are_refused(tmp_path: Path, messages: str) -> None:
         open_path(small_database(tmp_path / "a.db3", messages))
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("values", ["1, 'soon', x'00'", "1, 1, 1000000000"])
 def test_invalid_rows_end_damaged_database(tmp_path: Path, values: str) -> None:
     """A number in place of bytes is not read as that many zeros."""
@@ -171,6 +172,7 @@ def test_decompression_bomb_is_refused(tmp_path: Path) -> None:
         open_path(path)
 
 
+@pytest.mark.journey
 def test_compressed_folder_bag_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A compressed file cannot fill the disk: unpacking stops at the limit, in a folder that is removed."""
     monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**26)

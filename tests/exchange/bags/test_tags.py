@@ -123,6 +123,7 @@ def write_tag_bag(folder: Path, kind: Kind) -> Path:
     return bag.close()
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", KINDS)
 def test_tag_detections_become_rows(kind: Kind, tmp_path: Path) -> None:
     """Each image with a detected tag is a row with its corners by the target's ids."""

@@ -28,6 +28,7 @@ def test_every_exporter_declares_its_options(kind):
     assert "transform" in EXPORTERS[kind].options or not EXPORTERS[kind].is_pasted
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", OF_TRANSFORMS)
 def test_exported_files_state_source_and_verdict(kind):
     """A file states the run, the hash, the codes of findings, and the transform's name."""

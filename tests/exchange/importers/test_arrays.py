@@ -51,6 +51,7 @@ def test_unit_option_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert main([*words, "--unit", "mm"]) == 0
 
 
+@pytest.mark.journey
 def test_two_arms_are_named(tmp_path: Path) -> None:
     """The poses of two arms are assigned to the named robots."""
     _save_poses(tmp_path / "poses.npz", eye_gripper2base=EYE, hand_gripper2base=HAND, target2cam=SEEN)

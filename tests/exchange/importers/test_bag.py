@@ -217,6 +217,7 @@ def test_list_works_without_recognised_robots(tmp_path: Path, capsys: pytest.Cap
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.journey
 def test_carrier_of_unknown_cameras_is_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """If no information gives the carriers of two cameras, they are requested. With frames in tf they are found."""
     where = SE3.exp(np.random.default_rng(1).normal(0, 0.3, (6, 6)))

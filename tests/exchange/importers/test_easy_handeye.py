@@ -43,6 +43,7 @@ def eye_on_base_samples(count: int) -> str:
     return text
 
 
+@pytest.mark.journey
 def test_unknown_camera_carrier_is_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Samples without the camera's carrier leave no files behind.
 

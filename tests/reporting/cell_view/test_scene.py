@@ -36,6 +36,7 @@ from shared.bodies import arm_with_bodies
 no_error_at_task = without_stages(find_error_at_task)
 
 
+@pytest.mark.journey
 def test_scene_opens_at_the_worst_sample():
     """Only some of many samples are shown, always including the worst."""
     made = simulate(Scenario(samples=6), 0)
@@ -55,6 +56,7 @@ def test_scene_opens_at_first_without_residuals():
     assert scene(made.cell, made.recording.samples, calibration).opening == 0
 
 
+@pytest.mark.journey
 def test_frustum_follows_the_lens():
     """The rays of the frustum project to the corners of the image, by the stated lens if none was estimated."""
     made = simulate(Scenario(samples=4), 0)

@@ -83,6 +83,7 @@ def test_dropped_frames_delay_images():
     assert frames.min() == 1
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(("fault", "robot"), [("base-bumped=20@1", "hand"), ("board-remounted=20@1", "hand")])
 def test_sudden_fault_acts_at_stated_move(fault, robot):
     """The LED is displaced at the second move of the arm, not at the first."""

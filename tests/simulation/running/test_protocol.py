@@ -50,6 +50,7 @@ def test_process_prints_its_address(process):
     assert (folder / "truth.yaml").exists()
 
 
+@pytest.mark.journey
 def test_process_answers_requests(process):
     """States, images and the LED are served over one connection."""
     line = connect(read_address(process[1]))

@@ -42,6 +42,7 @@ def board(noise: float, spread: float = 1.0, share: float = 0.0, seed: int = 0) 
     return image + noise * np.random.default_rng(seed).standard_normal(image.shape)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("noise", "spread", "share"), [(1.0, 0.7, 0.0), (4.0, 1.0, 0.0), (4.0, 2.0, 0.0), (2.0, 1.0, 1.0)]
 )
@@ -86,6 +87,7 @@ def test_gain_has_sign_of_the_corner() -> None:
     np.testing.assert_allclose(found.gain, 60.0 * (-1.0) ** (row + column), atol=1.0)
 
 
+@pytest.mark.journey
 def test_noise_and_edges_are_not_trusted() -> None:
     """No fit is trusted in noise, and few on a single edge. Without corners the result is empty."""
     noise = 100 + np.random.default_rng(0).standard_normal((220, 260))

@@ -41,6 +41,7 @@ def test_unusable_pixels_have_no_effect() -> None:
     assert (found.x, found.y) == (pytest.approx(9.7, abs=1e-3), pytest.approx(10.4, abs=1e-3))
 
 
+@pytest.mark.journey
 def test_spot_errors_match_sigmas() -> None:
     """Errors agree with their sigmas under shot and read noise."""
     rng, ratio = np.random.default_rng(0), []

@@ -21,6 +21,7 @@ def layout(board):
     return of["squares"], of["legacy_pattern"], of["dictionary"]
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize(
     ("printed", "stated"),
     [

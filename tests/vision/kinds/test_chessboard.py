@@ -21,6 +21,7 @@ POOR = {
 }
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("how", list(POOR))
 def test_chessboard_is_detected_in_poor_images(how: str) -> None:
     """A dark, blurred or small board is detected, with sigmas true within a factor of two and a half."""

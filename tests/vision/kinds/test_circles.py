@@ -37,6 +37,7 @@ GRID_SHAPE = TARGETS["circles"]
 IMAGE = scene(GRID_SHAPE)
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("how", list(POOR))
 def test_circles_are_detected_in_poor_images(how: str) -> None:
     """Dark, blurred or small grids are detected, with sigmas true within a factor of two and a half."""
@@ -69,6 +70,7 @@ def test_asymmetric_grid_is_detected_at_any_rotation(circles: tuple[int, int], t
     assert min(np.abs(found.pixels - each).max() for each in ends) < 0.05
 
 
+@pytest.mark.journey
 def test_mirrored_grid_is_not_detected() -> None:
     """The mirror image of an asymmetric grid with an even number of rows is another grid."""
     shape = circles_target((4, 6), 0.02, asymmetric=True)

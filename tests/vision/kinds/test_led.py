@@ -75,6 +75,7 @@ def test_led_detection_reaches_cramer_rao_bound(photons: float, spot: float, pai
     assert 0.7 < np.sqrt(np.mean((error / sigma[:, None]) ** 2)) < 1.25
 
 
+@pytest.mark.journey
 def test_saturated_led_is_unbiased() -> None:
     """The flanks of an LED whose centre is saturated determine its position without bias."""
     settings = replace(make_exposure(3e5, 2.0), photons_per_level=make_exposure(3e5, 2.0).photons_per_level / 3)

@@ -21,6 +21,7 @@ POOR = {
 }
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("how", list(POOR))
 def test_tags_are_detected_in_poor_images(how: str) -> None:
     """Dark, blurred or small tags are detected, with sigmas true within a factor of two and a half."""
@@ -37,6 +38,7 @@ def test_aprilgrid_corners_are_saddle_points(bits: int) -> None:
     np.testing.assert_allclose(found.pixels, WIDE.project(at(GRID, front) @ GRID.points), rtol=0, atol=0.05)
 
 
+@pytest.mark.journey
 def test_tags_of_other_family_are_not_detected() -> None:
     """Tags of another family, and a target without tags, give no detection."""
     assert detect(scene(SHAPE), TARGETS["aruco"]) is None

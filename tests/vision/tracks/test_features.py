@@ -47,6 +47,7 @@ def test_descriptors_have_unit_length() -> None:
     assert (found.pixels < [399.5, 299.5]).all()
 
 
+@pytest.mark.journey
 def test_features_move_with_the_image() -> None:
     """Two crops of one image have features at the same positions, to 0.1 px in the median, without bias."""
     large = blots(2)
@@ -86,6 +87,7 @@ def test_features_have_unique_positions() -> None:
     assert len(np.unique(pixels, axis=0)) == len(pixels)
 
 
+@pytest.mark.journey
 def test_masked_regions_have_no_features() -> None:
     """No features are found within the hull of a moving target; elsewhere there are as many as before."""
     square = np.array([[100.0, 80.0], [200.0, 80.0], [200.0, 180.0], [100.0, 180.0]])
