@@ -139,18 +139,17 @@ def test_several_errors_name_their_file_once(tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.journey
-def test_several_mistakes_without_lines_are_separated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of a driver's options, in a cell or alone: `line` stands before a number only."""
+def test_several_mistakes_of_driver_options_are_separated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Options in a cell have the line of `cell.yaml`, options on the command line have none."""
     (tmp_path / "cell.yaml").write_text(
         "schema: basecal/cell/1\nreference: eye\nrobots:\n  eye: {}\n"
         "cameras:\n  wrist: {on: eye, driver: {kind: folder, pth: x}}\n"
     )
-    for words in ([str(tmp_path), "wrist", "--yes"], ["folder", "--camera", "--option", "pth=x"]):
+    in_cell, alone = [str(tmp_path), "wrist", "--yes"], ["folder", "--camera", "--option", "pth=x"]
+    for words, place in ((in_cell, "line 6"), (alone, "cell.yaml")):
         assert main(["driver", "check", *words]) == 3
         said = capsys.readouterr().err
-        assert re.search(
-            r"driver\.path: missing; add it; (cell\.yaml: )?cameras\.\w+\.driver\.pth: unknown field", said
-        )
+        assert re.search(rf"driver\.path: missing; add it; {place}: cameras\.\w+\.driver\.pth: unknown field", said)
         assert said.count("\n") == 1
 
 
