@@ -20,7 +20,7 @@ POINT, OTHER = (0.8, 0.0, 1.0), (0.9, 0.0, 1.0)
     (PlanOptions("shifts", seed=3), PlanOptions(), ""),
     (PlanOptions("shifts", seed=3), PlanOptions("shifts", seed=3, samples=25), ""),
     (PlanOptions("shifts", seed=3), PlanOptions("poses"),
-     "--pattern poses is of another plan than the interrupted one, of which 1 sample remain"),
+     "--pattern poses is of another plan than the interrupted one, with 1 sample left"),
     (PlanOptions(), PlanOptions("poses", seed=0), ""),
     (PlanOptions(), PlanOptions(seed=4), "made with the default options. Leave --seed out to continue it, or remove "),
     (PlanOptions(task_point=POINT), PlanOptions(task_point=POINT), ""),
@@ -43,7 +43,7 @@ def test_options_of_another_plan_are_refused(
 
 
 def test_stored_options_that_are_damaged_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A capture without them, by an earlier version, goes on."""
+    """Without the file, the interrupted plan goes on."""
     monkeypatch.setattr("basecal.acquisition.capture.remaining_samples", lambda *_: ["left"])
     sketch = SimpleNamespace(cell=None)
     made = partial(capture_plan, None, sketch, tmp_path, PlanOptions(seed=4))  # type: ignore[arg-type]

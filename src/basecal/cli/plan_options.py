@@ -83,8 +83,8 @@ def refuse_other_options(planning: PlanOptions, folder: Path, remaining_count: i
     for name, value in planning.given_values.items():
         if known.get(name) != value:
             raise UsageError(
-                f"{name} {_option_text(value)} is of another plan than the interrupted one, of which "
-                f"{count_text(remaining_count, 'sample')} remain. That one was made with {made_with}. "
+                f"{name} {_option_text(value)} is of another plan than the interrupted one, with "
+                f"{count_text(remaining_count, 'sample')} left. That one was made with {made_with}. "
                 f"Leave {name} out to continue it, or remove {folder / PLAN_FILE} to begin another one"
             )
 
