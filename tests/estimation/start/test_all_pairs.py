@@ -11,7 +11,7 @@ from tests.ends import end, views, with_eye
 
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start import all_pairs
-from basecal.estimation.start.all_pairs import place_bases, place_by_pairs
+from basecal.estimation.start.all_pairs import place_by_pairs
 from basecal.estimation.start.first_state import first_state
 from basecal.estimation.start.pair_views import PairViews, pair_views
 from basecal.estimation.start.refinement import refine_jointly
@@ -40,6 +40,15 @@ def test_long_rings_start_near_the_truth(made) -> None:
     """Every base and mount is within 20 mm and 20 mrad, without a guess."""
     problem, _ = build_problem(made.cell, made.recording)
     assert farthest(made, first_state(problem, made.cell, False).transforms) < 0.02
+
+
+@pytest.mark.journey
+def test_bases_of_a_hundred_robots_do_not_drift() -> None:
+    """A hundred bases start within 0.2 m; by the shortest chains they are off by 0.31 m, and no descent converges."""
+    made = simulate(Scenario(layout="ring", robots=100, samples=3000, robot_noise=(1e-4, 1e-4)), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    found = first_state(problem, made.cell, False).transforms
+    assert max(np.linalg.norm((found[k].inverse() @ made.truth[k]).translation) for k in found if "base" in k) < 0.2
 
 
 def test_wrong_start_of_pairs_does_not_affect_others(made) -> None:
@@ -164,22 +173,3 @@ def test_misfit_of_a_pair_is_a_median_angle(rng) -> None:
     assert all_pairs._misfit(sight, triple) == pytest.approx(0.15)
     nowhere = SE3(np.full((3, 3), np.nan), np.zeros(3))
     assert all_pairs._misfit(sight, (triple[0], nowhere, triple[2])) == np.inf
-
-
-def test_bases_are_placed_by_the_fewest_relations(rng) -> None:
-    """Relations are used in either direction, and a longer path with an error is not used."""
-    bases = {None: SE3.identity(), **{f"b{k}": SE3.exp(rng.uniform(-1, 1, 6)) for k in range(4)}}
-    between = {(a, b): bases[a].inverse() @ bases[b] for a, b in ((None, "b0"), ("b2", "b1"), ("b1", None))}
-    off = bases["b0"].inverse() @ bases["b2"] @ SE3.exp(np.full(6, 0.1))
-    found = place_bases({}, {("b0", "b3"): off, ("b3", "b2"): SE3.identity(), **between})
-    for name in ("b0", "b1", "b2"):
-        np.testing.assert_allclose(found[name].matrix, bases[name].matrix, atol=1e-12)
-
-
-def test_known_bases_are_kept_and_propagated(rng) -> None:
-    """A base without relations is kept, and one without a path to a known base is not placed."""
-    at, relation = SE3.exp(rng.uniform(-1, 1, 6)), SE3.exp(rng.uniform(-1, 1, 6))
-    found = place_bases({"a": at}, {("b", "a"): relation, ("c", "d"): relation, ("a", None): relation})
-    assert found.keys() == {"a", "b"}
-    assert found["a"] is at
-    np.testing.assert_allclose(found["b"].matrix, (at @ relation.inverse()).matrix, atol=1e-12)

@@ -1,13 +1,12 @@
 """Start values of many robot bases and mounts from all pairs of camera and target.
 
 Placed one after another, bases accumulate errors: targets of the last pairs in a long ring may then lie behind their
-cameras. Here each pair is refined alone, in one batch. The shortest chains of pairs then place the bases.
+cameras. Here each pair is refined alone, in one batch. A pose graph of all pairs then places the bases.
 The thresholds are validated by `benchmarks.ring`.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -16,6 +15,7 @@ import numpy as np
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.start.closed_form import Rotations, Triple, solve_translations
 from basecal.estimation.start.pair_views import PairViews
+from basecal.estimation.start.pose_graph import adjust_bases, place_bases
 from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.estimation.start.rotation_search import refine_rotations, rotation_angle
 from basecal.geometry import SE3
@@ -52,7 +52,8 @@ def place_by_pairs(
     placed = place_bases({}, relations)
     if placed.keys() < bases:
         return {}
-    return {name: pose for name, pose in mounts.items() if name not in known_names} | placed
+    free = {name: pose for name, pose in mounts.items() if name not in known_names}
+    return free | adjust_bases(placed, relations)
 
 
 def _make_refinement(
@@ -86,23 +87,3 @@ def _misfit(pair: PairViews, triple: Triple) -> float:
     measured = pair.candidates[np.arange(len(chosen)), chosen]
     angle = float(np.median(rotation_angle(measured.rotation, pair.group.close_loop(*triple).rotation)))
     return angle if np.isfinite(angle) else np.inf
-
-
-Relations = Mapping[tuple[str | None, str | None], SE3]
-"""`eye_base_from_hand_base` of pairs, by the names of both bases; None is the reference."""
-
-
-def place_bases(bases: Mapping[str, SE3], relations: Relations) -> dict[str, SE3]:
-    """Poses of bases in the world: the given ones, and all that are connected to them or to the reference."""
-    neighbours: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
-    for (eye, hand), eye_base_from_hand_base in relations.items():
-        neighbours[eye].append((hand, eye_base_from_hand_base))
-        neighbours[hand].append((eye, eye_base_from_hand_base.inverse()))
-    placed = dict[str | None, SE3]([(None, SE3.identity()), *bases.items()])
-    queue = [*placed]
-    for name in queue:  # grows
-        for neighbour, base_from_neighbour in neighbours[name]:
-            if neighbour not in placed:
-                placed[neighbour] = placed[name] @ base_from_neighbour
-                queue.append(neighbour)
-    return {name: pose for name, pose in placed.items() if name is not None}

@@ -19,13 +19,14 @@ from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust_batch
 from basecal.estimation.least_squares.studentized_residuals import view_misfits
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.start.all_pairs import place_bases, place_by_pairs
+from basecal.estimation.start.all_pairs import place_by_pairs
 from basecal.estimation.start.closed_form import Loop, Triple, solve_rotations, solve_translations
 from basecal.estimation.start.contacts import place_contacts, rigid_part_mounts, rotated_base_states, without_contacts
 from basecal.estimation.start.led_search import led_search
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.metric_points import has_metric_start, place_by_points
 from basecal.estimation.start.pair_views import PairViews, led_point, pair_views, umeyama
+from basecal.estimation.start.pose_graph import place_bases
 from basecal.estimation.start.refinement import Refinement, pair_problem, refine_jointly
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
