@@ -88,7 +88,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             ["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--plan", "x.jsonl", "--pattern", "shifts"],
             "give only one of",
         ),
-        (["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--pattern", "x.jsonl"], "files of --pattern"),
+        (["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--pattern", "x.jsonl"], "cannot be combined"),
         (["--task-point", "0.5 0 0.3", "--pattern", "shifts", "--freedrive"], "leave --pattern, --task-point out"),
     ],
 )

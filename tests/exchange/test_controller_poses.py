@@ -238,11 +238,11 @@ def test_stated_units_override_format(tmp_path: Path) -> None:
             PoseFormat("kuka"),
             "they look like radians. Give --rad",
         ),
-        ("x_mm,y,z,rx,ry,rz\n1,2,3,0,0,0\n", PoseFormat("ur"), "x_mm: the unit is mm, but another is read"),
+        ("x_mm,y,z,rx,ry,rz\n1,2,3,0,0,0\n", PoseFormat("ur"), "x_mm: the unit is mm, but another is expected"),
         (
             "x,y,z,rx_deg,ry,rz\n1,2,3,0,0,0\n",
             PoseFormat("ur"),
-            "rx_deg: the unit is deg, but another is read",
+            "rx_deg: the unit is deg, but another is expected",
         ),
         (
             "x [rad],y,z,rx,ry,rz\n1,2,3,0,0,0\n",
@@ -253,7 +253,7 @@ def test_stated_units_override_format(tmp_path: Path) -> None:
         (
             "x_mm,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n",
             PoseFormat("ros"),
-            "x_mm: the unit is mm, but another is read",
+            "x_mm: the unit is mm, but another is expected",
         ),
         (
             "x,y,z,qx [m],qy,qz,qw\n1,2,3,0,0,0,1\n",
@@ -465,7 +465,7 @@ def test_only_translation_columns_take_unit(tmp_path, name, column):
         return poses(tmp_path, f"{header}\n{row}\n", PoseFormat(name))
 
     assert len(read(column, "m")) == 1
-    with pytest.raises(DatasetError, match="the unit is mm, but another is read: give --length-unit mm"):
+    with pytest.raises(DatasetError, match="the unit is mm, but another is expected: give --length-unit mm"):
         read(column, "mm")
     for place in {0, 12, 14, 15} if name == "matrix" else {0, 3, 11, 15}:
         with pytest.raises(DatasetError, match="the unit is m, expected no unit"):

@@ -91,9 +91,9 @@ def test_header_units_must_match_option(tmp_path: Path, limited_arm: SerialChain
     np.testing.assert_allclose(
         read(tmp_path, header["deg"] + lines(np.degrees(ROWS)), limited_arm, True), ROWS, atol=1e-10
     )
-    with pytest.raises(DatasetError, match=r"j1.*the unit is deg, but another is read: give --deg"):
+    with pytest.raises(DatasetError, match=r"j1.*the unit is deg, but another is expected: give --deg"):
         read(tmp_path, header["deg"] + lines(ROWS / 10), limited_arm)
-    with pytest.raises(DatasetError, match=r"j1.*the unit is rad, but another is read: remove --deg"):
+    with pytest.raises(DatasetError, match=r"j1.*the unit is rad, but another is expected: remove --deg"):
         read(tmp_path, header["rad"] + lines(ROWS), limited_arm, True)
 
 

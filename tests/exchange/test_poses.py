@@ -107,7 +107,7 @@ BOTTOM = "0 0 0 1"
         ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,inf,1\n", 2, "not finite"),
         ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,?,1\n", 2, "'?' is not a number"),
         ("a.csv", "x,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n", None, "names the column 'x' twice"),
-        ("a.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,1\n", None, "is mm, but another is read"),
+        ("a.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,1\n", None, "is mm, but another is expected"),
         ("a.csv", "x,y,z,qx,qy,qz,qw\n", None, "no row of numbers"),
         ("a.csv", "", None, "no row of numbers"),
     ],

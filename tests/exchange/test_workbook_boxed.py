@@ -102,7 +102,7 @@ def test_workbook_with_title_and_units_row_is_read(tmp_path: Path) -> None:
         pytest.approx([0.0015, 0.002, 0.003]),
     ]
     (tmp_path / "kuka.xlsx").write_bytes(workbook(header, ("m", *units[1:]), rows[3]))
-    with pytest.raises(DatasetError, match=r"X \[m\]: the unit is m, but another is read"):
+    with pytest.raises(DatasetError, match=r"X \[m\]: the unit is m, but another is expected"):
         read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", PoseFormat("kuka"))
 
 

@@ -226,7 +226,7 @@ def _check_options(planning: PlanOptions, options: Sequence[str]) -> Task | None
         planning.task_point, planning.task_box, planning.tolerance, may_be_open=planning.pattern == _SHIFTS
     )
     if task is not None and planning.pattern not in (None, *PATTERNS):
-        raise UsageError("a task determines where arms move: leave files of --pattern out, or give them by --plan")
+        raise UsageError("--pattern FILE cannot be combined with a task: give the file by --plan, as candidates")
     if "--plan" in options and "--pattern" in options:
         raise UsageError("--plan and --pattern both determine the samples: give only one of them")
     if "--dry-run" in options and "--go" in options:

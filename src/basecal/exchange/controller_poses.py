@@ -304,7 +304,7 @@ def _check_units(path: str, columns: Sequence[str], pose_format: PoseFormat) -> 
             raise DatasetError(path, f"the unit is {unit[2]}, {expected}", field=column)
         if units[unit[2]].size != used:
             option = units[unit[2]].option
-            raise DatasetError(path, f"the unit is {unit[2]}, but another is read: give {option}", field=column)
+            raise DatasetError(path, f"the unit is {unit[2]}, but another is expected: give {option}", field=column)
 
 
 def _possible_units(index: int, convention: AnyConvention) -> tuple[Mapping[str, _Unit], float]:

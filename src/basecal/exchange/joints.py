@@ -71,7 +71,7 @@ def _columns(table: TextTable, chain: SerialChain, in_degrees: bool) -> list[str
         unit = None if columns[0] == name else _UNIT.search(columns[0])
         if unit is not None and (unit[1].lower() != "rad") != in_degrees:
             do = "remove --deg" if in_degrees else "give --deg"
-            raise DatasetError(path, f"the unit is {unit[1]}, but another is read: {do}", field=columns[0])
+            raise DatasetError(path, f"the unit is {unit[1]}, but another is expected: {do}", field=columns[0])
     return [columns[0] for columns in found]
 
 
