@@ -173,6 +173,21 @@ def test_sums_add_views_of_all_groups():
             np.testing.assert_allclose(got[b], want, rtol=1e-9, atol=1e-6)
 
 
+@pytest.mark.parametrize("arms", ["halves", "eye_still"])
+def test_groups_that_are_not_moved_equal_zero_moves(arms):
+    """Stops that only other groups have add nothing to the sums, with stops of one robot shared, or of both."""
+    made = simulate(Scenario(layout="two_cameras", samples=12, arms=arms, robot_noise=NOISE), 1)
+    solution = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
+    about = linearise_views(solution.problem, solution.state)
+    assert about.system is not None
+    first, second = (np.random.default_rng(3).standard_normal((len(g), 1, 6, 2)) for g in solution.problem.groups)
+    some, all_of_them = (
+        view_sums(about, Candidates("", ("a",), (None,), "", (first, other))) for other in (None, 0 * second)
+    )
+    for got, want in zip(some, all_of_them, strict=True):
+        np.testing.assert_allclose(got, want, rtol=1e-9, atol=1e-9)
+
+
 def test_sums_of_unknowns_include_weights_and_priors():
     """Sums of the unknowns weigh each view, and include priors in full."""
     rng = np.random.default_rng(1)

@@ -90,6 +90,21 @@ def test_covariance_is_the_inverse_information_of_errors(rng, robots):
     )
 
 
+@pytest.mark.parametrize("robots", [(0,), (0, 1)])
+def test_solution_at_some_stops_is_that_of_all(rng, robots):
+    """Right-hand sides at some stops have the solution of the whole system at these stops."""
+    values, stops = random_values(rng), np.array([1, 3])
+    own, mixed, force = dense_system(values, robots)
+    ours = eliminate_stops(values, robots)
+    rows = np.arange(24).reshape(4, 6)[stops].ravel()
+    right = rng.standard_normal((12, 2))
+    np.testing.assert_allclose(
+        ours.solve_stops(stops, right), np.linalg.inv(own)[np.ix_(rows, rows)] @ right, atol=1e-9
+    )
+    whole = np.linalg.solve(own, np.column_stack([mixed, force]))
+    np.testing.assert_allclose(ours.stop_solutions(stops), whole[rows], atol=1e-9)
+
+
 def test_covariance_of_many_stops_is_block_diagonal(rng, monkeypatch):
     """Beyond a limit of stops, correlations are left out: each stop has its block, with zeros between."""
     values = random_values(rng)

@@ -114,10 +114,20 @@ def contain_expected_sizes(
     return ContainedSizes(wider, moved[clocks] * unit_s, covariance[clocks, clocks] * np.outer(unit_s, unit_s))
 
 
-def known_sizes(cell: Cell, situation: Situation, error: FoundEffect | None) -> list[SizePosterior]:
-    """Posteriors of all arm errors and effect sizes of a cell, one for each independent part."""
+def known_sizes(
+    cell: Cell, situation: Situation, error: FoundEffect | None, arms_only: bool = False
+) -> list[SizePosterior]:
+    """Posteriors of all arm errors and effect sizes of a cell, one for each independent part.
+
+    Args:
+        cell: The cell as declared.
+        situation: The situation.
+        error: The systematic error that was found, or None.
+        arms_only: Whether to leave out parts without arm errors.
+    """
     arms = stated_fields(cell, situation), axis_lengths(cell, situation)
-    return [size_posterior(situation, *part) for part in _split(*arms, list(_cell_effects(cell, situation, error)))]
+    parts = _split(*arms, list(_cell_effects(cell, situation, error)))
+    return [size_posterior(situation, *part) for part in parts if part[0] or part[2] or not arms_only]
 
 
 def size_posterior(

@@ -212,8 +212,8 @@ def view_sums(model: Linearised, candidates: Candidates) -> Sums:
     b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
     across = np.zeros((b, q, len(model.gradient)))
-    system = model.system
-    tied = np.zeros((0 if system is None else len(system.precision), 6, b, q))
+    stops = _moved_stops(model, candidates)
+    tied = np.zeros((len(stops), 6, b, q))
     for views, moves in zip(model.views, candidates.moves, strict=True):
         if moves is None:
             continue
@@ -227,15 +227,19 @@ def view_sums(model: Linearised, candidates: Candidates) -> Sums:
         across[..., views.columns] += np.tensordot(moves, by_unknowns, ((0, 2), (0, 1)))
         for part in views.shared:
             pull = part.by_error.mT @ views.information[part.view][:, :, :6]
-            tied += GroupSums(part.stop, len(tied)).sum(np.moveaxis(pull[:, None] @ moves[part.view], 1, 2))
-    if system is not None:
+            rows = GroupSums(np.searchsorted(stops, part.stop), len(stops))
+            tied += rows.sum(np.moveaxis(pull[:, None] @ moves[part.view], 1, 2))
+    if model.system is not None:
         flat = tied.reshape(-1, b * q)
-        if system.factor is None:
-            solved = np.linalg.solve(system.precision, tied.reshape(len(tied), 6, b * q)).reshape(flat.shape)
-        else:
-            solved = system.factor.solve(flat)
-        gradient -= (system.solution[:, -1] @ flat).reshape(b, q)
-        across -= (flat.T @ system.solution[:, :-1]).reshape(b, q, -1)
+        solution = model.system.stop_solutions(stops)
+        gradient -= (solution[:, -1] @ flat).reshape(b, q)
+        across -= (flat.T @ solution[:, :-1]).reshape(b, q, -1)
         of_stops = np.moveaxis(flat.reshape(-1, b, q), 0, 1)
-        information -= of_stops.mT @ np.moveaxis(solved.reshape(-1, b, q), 0, 1)
+        information -= of_stops.mT @ np.moveaxis(model.system.solve_stops(stops, flat).reshape(-1, b, q), 0, 1)
     return Sums(gradient, across, information)
+
+
+def _moved_stops(model: Linearised, candidates: Candidates) -> IntArray:
+    """Shared stops of the views that candidates move, (m,): few of those of a hundred robots."""
+    moved = (views.shared for views, moves in zip(model.views, candidates.moves, strict=True) if moves is not None)
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *(part.stop for parts in moved for part in parts)]))

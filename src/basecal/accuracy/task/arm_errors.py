@@ -55,5 +55,5 @@ class ArmErrors:
 
     @cached_property
     def sizes(self) -> list[SizePosterior]:
-        """Posteriors of fields and lengths of arms that record only poses, and of sizes of other effects."""
-        return known_sizes(self.cell, self.situation, None)
+        """Posteriors of fields and lengths of arms that record only poses, with effects that are not independent."""
+        return known_sizes(self.cell, self.situation, None, arms_only=True)

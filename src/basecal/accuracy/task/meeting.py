@@ -78,13 +78,19 @@ class Meeting:
         rotation = self.state.transforms[self.transform].rotation.T
         return -np.kron(np.eye(2), rotation) @ flange_jacobian
 
-    @cached_property
+    @property
     def weight(self) -> Array:
         """(p, p) matrix W: trace(W C) is the mean squared distance [m^2] for a covariance C of all columns."""
-        jacobian, columns = self.jacobian
+        columns = self.jacobian.columns
         weight = np.zeros((self.problem.width, self.problem.width))
-        weight[np.ix_(columns, columns)] = (np.swapaxes(jacobian[:, :3], 1, 2) @ jacobian[:, :3]).mean(0)
+        weight[np.ix_(columns, columns)] = self._own_weight
         return weight
+
+    @property
+    def _own_weight(self) -> Array:
+        """(c, c) matrix as `weight`, of the columns of `jacobian`: few of those of a hundred robots."""
+        moved = self.jacobian.values[:, :3]
+        return np.asarray((moved.mT @ moved).mean(0))
 
     def stop_variance(self, robot: str) -> Array:
         """Mean variance per axis of a robot's stop errors, translation and rotation, (2,) [m^2, rad^2]; 0 if exact."""
@@ -94,7 +100,8 @@ class Meeting:
     def mean_square_m2(self, covariance: Array) -> float:
         """Mean squared distance [m^2] from a covariance of all columns, (p, p), and the stop errors of the robots."""
         stops = sum(float(of_stop[0]) for of_stop in self.stop_variances().values())
-        return float(np.trace(self.weight @ covariance)) + 3 * stops
+        columns = self.jacobian.columns
+        return float(np.sum(self._own_weight * covariance[np.ix_(columns, columns)])) + 3 * stops
 
     def stop_variances(self) -> dict[str, Array]:
         """Variance of the stops of each robot that meets, as in `stop_variance`."""

@@ -60,6 +60,25 @@ class SchurComplement:
         blocks = self._inverse[first, :, second]
         return blocks
 
+    def stop_solutions(self, stops: IntArray) -> Array:
+        """Rows of `solution` at m stops, (6 m, p + 1)."""
+        return np.asarray(self.solution.reshape(len(self.precision), 6, -1)[stops].reshape(6 * len(stops), -1))
+
+    def solve_stops(self, stops: IntArray, right: Array) -> Array:
+        """Covariance of the errors, given the unknowns, times `right`, at m stops, (6 m, r).
+
+        Args:
+            stops: (m,) stops.
+            right: (6 m, r) right-hand sides, zero at all other stops.
+        """
+        if self.factor is None:
+            blocks = np.linalg.solve(self.precision[stops], right.reshape(len(stops), 6, -1))
+            return np.asarray(blocks.reshape(right.shape))
+        rows = (6 * stops[:, None] + np.arange(6)).ravel()
+        padded = np.zeros((6 * len(self.precision), right.shape[1]))
+        padded[rows] = right
+        return np.asarray(self.factor.solve(padded)[rows])
+
     @cached_property
     def _inverse(self) -> Array:
         assert self.factor is not None
