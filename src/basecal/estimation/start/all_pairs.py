@@ -1,7 +1,8 @@
 """Start values of many robot bases and mounts from all pairs of camera and target.
 
 Placed one after another, bases accumulate errors: targets of the last pairs in a long ring may then lie behind their
-cameras. Here each pair is refined alone, in one batch. A pose graph of all pairs then places the bases.
+cameras. Here each pair is refined alone, in one batch, and searched again if it fits badly. A pose graph of all pairs
+then places the bases.
 The thresholds are validated by `benchmarks.ring`.
 """
 
@@ -18,10 +19,11 @@ from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.start.pose_graph import adjust_bases, place_bases
 from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.estimation.start.rotation_search import refine_rotations, rotation_angle
-from basecal.geometry import SE3
+from basecal.geometry import SE3, Array, BoolArray
 
 _LONG_RING_BASES = 8  # minimum number of bases: with fewer, a descent corrects the accumulated errors
 _WRONG_RATIO = 4.0  # ratio of a pair's error to the median of all pairs that noise does not cause
+_SEARCH_STEPS = 100  # maximum number of steps: starts from five samples need more than 30
 
 
 def place_by_pairs(
@@ -39,21 +41,40 @@ def place_by_pairs(
     if len(bases) < _LONG_RING_BASES or bases & set(known_names):
         return {}
     posed_pairs = [s for s in pairs if s.candidates is not None and s.group.eye.base != s.group.hand.base]
-    triples = refine_jointly(
-        _restart_pairs([_make_refinement(problem, s, transforms, known_names) for s in posed_pairs])
-    )
-    misfit = np.array([_misfit(sight, triple) for sight, triple in zip(posed_pairs, triples, strict=True)])
+    triples, misfit = _refine_pairs([_make_refinement(problem, s, transforms, known_names) for s in posed_pairs])
     mounts, relations = dict[str, SE3](), dict[tuple[str | None, str | None], SE3]()
     for k in np.argsort(-misfit):  # the best last, so that it overwrites the others
         eye, hand = posed_pairs[k].group.ends
         mounts[eye.mount], relation, mounts[hand.mount] = triples[k]
-        if misfit[k] <= _WRONG_RATIO * np.median(misfit):
+        if not _is_wrong(misfit)[k]:
             relations[eye.base, hand.base] = relation
     placed = place_bases({}, relations)
     if placed.keys() < bases:
         return {}
     free = {name: pose for name, pose in mounts.items() if name not in known_names}
     return free | adjust_bases(placed, relations)
+
+
+def _refine_pairs(requests: Sequence[Refinement]) -> tuple[list[Triple], Array]:
+    """Refine each pair alone; rotations of pairs that fit much worse than the others are searched.
+
+    Returns:
+        X, Y and Z of each pair, and its misfit [rad], (pairs,).
+    """
+    requests = _restart_pairs(requests)
+    triples = refine_jointly(requests)
+    misfit = np.array([_misfit(request.views, triple) for request, triple in zip(requests, triples, strict=True)])
+    rows = np.flatnonzero(_is_wrong(misfit)).tolist()
+    searched = refine_jointly([replace(requests[k], searched=True) for k in rows], _SEARCH_STEPS)
+    for k, triple in zip(rows, searched, strict=True):
+        if (found := _misfit(requests[k].views, triple)) < misfit[k]:
+            triples[k], misfit[k] = triple, found
+    return triples, misfit
+
+
+def _is_wrong(misfit: Array) -> BoolArray:
+    """Pairs whose misfit noise does not cause, (pairs,)."""
+    return np.asarray(misfit > _WRONG_RATIO * np.median(misfit))
 
 
 def _make_refinement(
