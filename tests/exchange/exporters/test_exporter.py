@@ -102,5 +102,7 @@ def test_pasteable_texts_equal_exports():
     assert POINT not in texts
     for kind, text in texts[INVERSE].items():
         assert text == export(CALIBRATION, kind, INVERSE, cell=CELL, run="20260102T030405Z")
-    assert {"ur", "kuka", "abb", "fanuc", "ros2", "matrix", "json"} <= texts[BASE].keys()
+    in_programs = {"ur", "kuka", "abb", "fanuc"}
+    in_files = {"ros", "ros2", "matrix", "json", "csv", "opencv", "mujoco"}
+    assert in_programs | in_files <= texts[BASE].keys()
     assert json.loads(json.dumps(texts)) == texts
