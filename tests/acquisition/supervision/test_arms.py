@@ -273,8 +273,8 @@ def test_request_after_a_stop_is_refused(by_signal, kind):
         found.ask(0, "move")
 
 
-def test_capture_may_stand_still_for_ten_seconds():
-    """After a longer time its own standstill is the reason, whatever is reported then."""
+def test_long_standstill_of_the_capture_is_the_reason():
+    """It is one of more than ten seconds, and the report of a stop is then its own."""
     for duration_s, reason in ((9.5, ""), (10.5, "the capture did not run for 10.5 s")):
         found = proxied()
         found._standstill._cycle_s -= duration_s
