@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -200,6 +201,34 @@ def test_task_plan_replaces_refused_samples(monkeypatch: pytest.MonkeyPatch) -> 
     assert left_out == [[0], [1]]
     with pytest.raises(InputError, match="1 of 3 samples of the plan are refused"):
         found(None)
+
+
+@pytest.mark.parametrize(
+    ("planning", "is_replanned"),
+    [
+        ({"pattern": "shifts", "task_point": (0.5, 0.0, 0.3), "tolerance": "1mm"}, False),
+        ({"pattern": "poses", "task_point": (0.5, 0.0, 0.3), "tolerance": "1mm"}, True),
+        ({"task_point": (0.5, 0.0, 0.3), "tolerance": "1mm"}, True),
+        ({"pattern": "poses"}, False),
+    ],
+)
+def test_poses_for_a_task_are_planned_again(
+    monkeypatch: pytest.MonkeyPatch, planning: dict[str, object], is_replanned: bool
+) -> None:
+    """Poses for a task are planned again after each sample; stations of shifts, or poses without a task, only once."""
+    replanners: list[object] = []
+
+    def planned(rig: object, sketch: object, cell: object, planning: object, replanner: object, *_: object) -> object:
+        replanners.append(replanner)
+        return [], True
+
+    monkeypatch.setattr(module, "known_sketch", lambda *_: SimpleNamespace(cell=None))
+    monkeypatch.setattr(module, "allowed_rig", lambda *_: nullcontext("rig"))
+    monkeypatch.setattr(module, "Replanner", lambda *_: "replanner")
+    monkeypatch.setattr(module, "capture_plan", planned)
+    monkeypatch.setattr(module, "_check_capture", lambda rig, sketch, plan, *_, **__: plan)
+    assert module.capture(Path("cell"), planning=module.PlanOptions(**planning)) == 0  # type: ignore[arg-type]
+    assert replanners == ["replanner" if is_replanned else None]
 
 
 @pytest.mark.slow

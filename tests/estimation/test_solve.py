@@ -283,6 +283,17 @@ def test_starts_with_different_ends_are_disputed(monkeypatch, costs, disputed):
     assert module._start("problem", "cell", Settings()) == ("problem", np.nanmin(costs), disputed)
 
 
+def test_implausible_start_is_followed_by_a_thorough_search(monkeypatch):
+    """The second start is searched for thoroughly, and used if its residuals are smaller."""
+    module = sys.modules["basecal.estimation.solve"]
+    monkeypatch.setattr(module, "first_state", lambda problem, cell, thorough: 1.0 if thorough else 9.0)
+    monkeypatch.setattr(module, "guessed_state", lambda *given: None)
+    monkeypatch.setattr(module, "joint_state", lambda *given: None)
+    monkeypatch.setattr(module, "_is_plausible", lambda problem, cost: False)
+    monkeypatch.setattr(module, "_choose_readings", lambda problem, state, settings: (problem, state, state))
+    assert module._start("problem", "cell", Settings()) == ("problem", 1.0, True)
+
+
 def test_repr_of_a_solution_is_one_line():
     """The line has the estimated transforms, each with its sigmas, and the fit."""
     made = simulate(Scenario(samples=6, target="points", camera_mount="fixed"), 1)

@@ -127,19 +127,21 @@ def test_too_few_stations_are_an_error(monkeypatch):
         stations(SKETCH, [HOME])
 
 
-@pytest.mark.journey
-def test_stations_have_three_shift_lengths():
+@pytest.mark.parametrize(("reach", "tried", "count"), [(9.0, [1.0, 2.0, 4.0], 3), (1.5, [1.0, 2.0], 1)])
+def test_stations_have_three_shift_lengths(monkeypatch, reach, tried, count):
     """Stations of an origin have one, two and four times the best length.
 
     A station out of reach ends those of its origin.
     """
-    sketch, taught = make_sketch()
-    first = stations(sketch, taught)[::STATION_SAMPLES]
-    found = stations(sketch, taught)[1::STATION_SAMPLES]
-    ratios = set()
-    for origin, moved in zip(first, found, strict=True):
-        length = np.linalg.norm(
-            sketch.camera_from_target(moved).translation - sketch.camera_from_target(origin).translation
-        )
-        ratios.add(round(float(length / shifts.shift_length(sketch, origin)), 3))
-    assert ratios == {1.0, 2.0, 4.0}
+    best, lengths = shifts.shift_length(SKETCH, Sample(0, robots=HOME)), []
+
+    def make(sketch, origin, length_m):
+        lengths.append(length_m)
+        return [origin] * STATION_SAMPLES if length_m < reach * best else None
+
+    monkeypatch.setattr(shifts, "candidates", lambda *given: [Sample(k, robots=HOME) for k in range(2)])
+    monkeypatch.setattr(shifts, "aim_camera", lambda sketch, sample: sample)
+    monkeypatch.setattr(shifts, "make_station", make)
+    monkeypatch.setattr(shifts, "blocked_samples", lambda *given: [])
+    assert len(stations(SKETCH, [HOME])) == 2 * count * STATION_SAMPLES
+    np.testing.assert_allclose(lengths, best * np.array(2 * tried))

@@ -49,6 +49,23 @@ def test_calibration_includes_covariance_of_effects():
     assert (at_work.budget, at_work.error_map, at_work.local) == (None, None, None)
 
 
+def test_curvature_of_the_fit_widens_the_covariance(monkeypatch):
+    """The second moments of the first answer's arcs are added to the covariance with effects, also of transforms."""
+    asked = []
+
+    def curved(solution, order):
+        asked.append(solution)
+        return 1e-3 * np.eye(6 * len(order))
+
+    monkeypatch.setattr(concluding, "curved_covariance", curved)
+    calibration = concluding.conclude(case()).calibration
+    wider = WIDER.covariance + 1e-3 * np.eye(len(WIDER.covariance))
+    np.testing.assert_allclose(calibration.joint_covariance, wider)
+    first = calibration.order[0]
+    np.testing.assert_allclose(calibration.transforms[first].covariance, wider[:6, :6])
+    assert asked == [SOLUTION]
+
+
 def test_clocks_widen_answer_and_are_reported(monkeypatch):
     """Clocks widen the answer, and their findings count in the verdict."""
     late = Finding("prior-contradicted", "warning", ("wrist",), "The clock is off.")

@@ -9,14 +9,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.acquisition.driver import Reading
 from basecal.acquisition.driver_check import promises
 from basecal.acquisition.driver_check.promises import (
     Arrivals,
     _guarantee_promise,
     _stream_promises,
     count_stale_images,
+    measure_stop,
     record_images,
 )
+from basecal.cell import RobotState
 from basecal.errors import DriverError
 
 
@@ -132,3 +135,38 @@ def test_arm_at_rest_scatters_little(monkeypatch, sigma, is_kept):
     monkeypatch.setattr(promises, "record_states", lambda name, robot, duration_s: (Arrivals(at_s, at_s), values))
     found = promises.robot_promises("arm", SimpleNamespace(is_live=True), "none", False)
     assert next(each for each in found if each.promise.startswith("noise at rest")).holds == is_kept
+
+
+class Arm:
+    """Arm of three joints that makes a tenth of its motion with each state, and two tenths after a stop."""
+
+    def __init__(self):
+        self.begin = self.joints = self.goal = np.array([0.3, -0.2, 0.1])
+        self.left = 0
+        self.stopped_at = None
+
+    def state(self):
+        """Move on, and report the joints."""
+        if self.left:
+            self.joints, self.left = self.joints + (self.goal - self.begin) / 10, self.left - 1
+        return Reading(time.monotonic(), RobotState(joints_rad=self.joints))
+
+    def move(self, to, speed_rad_s):
+        """Begin a motion."""
+        self.goal, self.left = to.joints_rad, 10
+
+    def stop(self):
+        """End the motion two states later."""
+        if self.stopped_at is None:
+            self.stopped_at, self.left = self.joints, 2
+
+
+def test_last_joint_is_stopped_half_way(monkeypatch):
+    """Only the last joint moves. The order comes after half of its motion, and the distance from there is measured."""
+    monkeypatch.setattr(promises, "_REST_S", 0.01)
+    arm = Arm()
+    stop = measure_stop("arm", arm, 0.05, 0.1)
+    np.testing.assert_allclose(arm.goal - arm.begin, [0, 0, 0.05])
+    assert 0.025 < arm.stopped_at[2] - arm.begin[2] < 0.05
+    assert stop.distance_rad == pytest.approx(0.01)
+    assert 0 <= stop.time_s < 1.0

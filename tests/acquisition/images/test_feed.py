@@ -326,6 +326,18 @@ def test_unknown_latency_is_two_seconds_or_twelve_images(interval_s, count, boun
     assert old._latency_s(arrivals) == 0.0
 
 
+@pytest.mark.parametrize("person_s", [(), (0.1, 1.2)])
+def test_images_since_the_first_motion_count(person_s):
+    """Images that move 0.04 s after the arms have that latency, whatever moved before the arms did."""
+    at_s = np.arange(0.0, 4.0, 0.03)
+    spans_s = [(1.54, 2.14), *([person_s] if person_s else [])]
+    moves = [any(begin <= each <= end for begin, end in spans_s) for each in at_s]
+    arms = ArmMotion()
+    arms.spans = ((1.5, 2.1),)
+    feed = unread(arms)
+    assert 0.04 <= feed._latency_s(np.column_stack([at_s, moves])) < 0.1
+
+
 def test_last_three_latencies_count():
     """The largest counts, also before the next motion; during motions the assumed latency is the minimum."""
     known = {float(k): Latency(0.0, high) for k, high in enumerate((9.0, 0.3, 0.4, 0.2))}

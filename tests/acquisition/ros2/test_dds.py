@@ -13,7 +13,7 @@ from basecal.acquisition.ros2.types import type_hash
 from basecal.errors import InputError
 
 pytest.importorskip("cyclonedds")
-from basecal.acquisition.ros2.dds import Discovery, Publisher, Subscriber, choose_domain
+from basecal.acquisition.ros2.dds import Discovery, Publisher, Subscriber, _publisher_process, choose_domain
 from shared.ros2_domain import DOMAIN, LOOPBACK
 
 TEXT = "std_msgs/msg/String"
@@ -90,3 +90,22 @@ def test_domain_comes_from_the_environment(monkeypatch):
         monkeypatch.setenv("ROS_DOMAIN_ID", wrong)
         with pytest.raises(InputError, match=r"ROS_DOMAIN_ID is .*: expected a number from 0 to 232"):
             choose_domain(None)
+
+
+def participant(key, **properties):
+    """Participant of a domain with these properties."""
+    return SimpleNamespace(key=key, qos=[SimpleNamespace(key=name, value=text) for name, text in properties.items()])
+
+
+def test_publisher_is_named_by_its_own_process():
+    """Of all participants that of the publisher gives its process; without one, the GUID of the publisher is given."""
+    present = [
+        participant("a", __Pid="11", __ProcessName="camera", __Hostname="left"),
+        participant("b", __Pid="22", __ProcessName="arm", __Hostname="right"),
+        participant("c"),
+    ]
+    participants = SimpleNamespace(read=lambda count: present)
+    names = [
+        _publisher_process(participants, SimpleNamespace(key="7", participant_key=key)) for key in ("a", "b", "c", "d")
+    ]
+    assert names == ["camera 11 on left", "arm 22 on right", "GUID 7", "GUID 7"]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from basecal.acquisition.running import background as module
-from basecal.acquisition.running.background import BackgroundCheck
+from basecal.acquisition.running.background import BackgroundCheck, Checked
 from basecal.acquisition.running.check import Doubt
 from shared.running_samples import recorded
 
@@ -48,6 +48,25 @@ def test_capture_does_not_wait_for_a_slow_check(monkeypatch):
         late = check.collect(waits=True)
         assert ([doubt.sample for doubt in late.doubts], late.unchecked) == ([0, 1, 2], 0)
         assert check.collect(waits=True).doubts == ()
+
+
+def test_capture_waits_for_a_usual_check():
+    """A check that takes a tenth of a second ends before the capture goes on, so that a sample can be repeated."""
+    asked = []
+
+    class Usual:
+        """Check that ends if it is waited for."""
+
+        def result(self, timeout):
+            asked.append(timeout)
+            if timeout < 0.1:
+                raise module.Unfinished
+            return Checked((1e-3, 1e-3))
+
+    check = BackgroundCheck.__new__(BackgroundCheck)
+    check._running, check._sigma = [Usual()], None
+    assert check.collect() == Checked((1e-3, 1e-3))
+    assert max(asked) < 1.0
 
 
 def test_failed_check_is_raised_to_the_caller(monkeypatch):

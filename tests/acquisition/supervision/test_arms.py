@@ -10,6 +10,7 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from basecal.acquisition.driver import ChecksGoals, Freedrives, Moves, Reading
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.supervision import arms
 from basecal.acquisition.supervision.arms import stop_report
-from basecal.acquisition.supervision.frames import Frame, Kind
+from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.standstill import Standstill
 from basecal.cell import Cell, Driver, Robot, RobotState
 from basecal.errors import DatasetError, DriverError
@@ -220,6 +221,91 @@ def test_capture_that_did_not_run_is_the_reason(frail, monkeypatch):
     words = r"^the capture did not run for 45\.0 s\. left and right confirmed the stop\. "
     with pytest.raises(DriverError, match=words), open_rig(Cell("left", frail), Path(".")) as rig:
         stand_still(rig.robots["left"])
+
+
+def proxied(**fields):
+    """Proxies of three arms, of which the first moves, the second is guided, and the third is only read."""
+    found = arms.Arms.__new__(arms.Arms)
+    found._names, found._changed = ["left", "right", "watched"], threading.Condition()
+    found._opened = {k: {"moves": k == 0, "freedrives": k == 1} for k in range(3)}
+    found._reason, found._is_ending, found._is_interrupted, found._unreported = "", False, False, []
+    found._standstill, found._standstill_reason = Standstill(), ""
+    for name, value in fields.items():
+        setattr(found, name, value)
+    return found
+
+
+def test_stop_is_confirmed_by_arms_that_can_be_stopped():
+    """Those that move or are guided; not those that are only read, or that did not open."""
+    found = proxied()
+    found._set_stop_reason("left: protective stop", [])
+    found._set_stop_reason("later", ["left"])
+    assert found.interruption.startswith("left: protective stop. left and right confirmed the stop. ")
+    found = proxied()
+    found._opened[1] = (DriverError, "nobody there", {})
+    found._set_stop_reason("left: protective stop", ["left"])
+    assert found.interruption.startswith("left: protective stop. left did not confirm a stop: look at the arm. ")
+
+
+@pytest.mark.parametrize("is_ending", [False, True])
+def test_arm_that_did_not_confirm_is_reported_once(is_ending):
+    """By the error that ends the capture; if another error ends it, by the order to stop."""
+    found = proxied(_is_ending=is_ending, _channel=SimpleNamespace(send=lambda *frame: None))
+    found._set_stop_reason("a person came", ["left"])
+    assert found.interruption.startswith("a person came. right confirmed") != is_ending
+    found.stop(1, "an arm was ordered to stop")
+    if is_ending:
+        with pytest.raises(DriverError, match=r"^left did not confirm a stop: look at the arm$"):
+            found.stop(0, "an arm was ordered to stop")
+    else:
+        found.stop(0, "an arm was ordered to stop")
+
+
+@pytest.mark.parametrize(("by_signal", "kind"), [(True, KeyboardInterrupt), (False, DriverError)])
+def test_request_after_a_stop_is_refused(by_signal, kind):
+    """A signal remains an interrupt, which reaches the main thread by itself; any other stop is an error."""
+    event = {"reason": "SIGTERM" if by_signal else "right: its link is lost", "unconfirmed": [], "by_signal": by_signal}
+    found = proxied()
+    found._check()
+    found._handle(Frame(Kind.EVENT, 0, json.dumps(event).encode()))
+    assert bool(found.interruption) != by_signal
+    with pytest.raises(kind, match=f"^{event['reason']}"):
+        found.ask(0, "move")
+
+
+def test_long_standstill_of_the_capture_is_the_reason():
+    """It is one of more than ten seconds, and the report of a stop is then its own."""
+    for duration_s, reason in ((9.5, ""), (10.5, "the capture did not run for 10.5 s")):
+        found = proxied()
+        found._standstill._cycle_s -= duration_s
+        assert found._note_standstill() == reason
+        found._set_stop_reason(reason or "right: its link is lost", [])
+        assert bool(found.standstill_report) == bool(reason)
+
+
+@pytest.mark.parametrize(("is_open", "reason"), [(True, "hangs"), (False, "ended")])
+def test_missing_supervisor_ends_the_capture(monkeypatch, is_open, reason):
+    """No arm confirmed a stop, and the process is killed, so that it does not come back."""
+    monkeypatch.setattr(arms, "PARENT_HANG_LIMIT_S", 0.1)
+    monkeypatch.setattr(arms, "START_S", 0.1)
+    read_fd, hold_fd = os.pipe()
+    idle_fd, write_fd = os.pipe()
+    if not is_open:
+        os.close(hold_fd)
+    killed = []
+    process = SimpleNamespace(kill=lambda: killed.append(time.monotonic()))
+    found = proxied(_channel=Channel(read_fd, write_fd), _process=process)
+    began_s = time.monotonic()
+    found._listen()
+    assert found._reason.startswith(
+        f"the process that supervises the arms {reason}. left and right and watched did not"
+    )
+    assert len(killed) == 1
+    assert (killed[0] - began_s > 0.2) == is_open
+    beats = [frame.kind for frame in Channel(idle_fd, write_fd).receive()] if is_open else []
+    assert set(beats) <= {Kind.ALIVE}
+    assert (len(beats) > 0) == is_open
+    assert len(beats) <= (killed[0] - began_s) / arms.HEARTBEAT_S
 
 
 def test_reason_lists_confirmed_and_unconfirmed_stops():

@@ -52,6 +52,19 @@ def test_invalid_marks_and_tips_are_refused(section, words):
         cell_from_dict({**touch_data(), **section})
 
 
+@pytest.mark.parametrize("offset", [
+    {"status": "prior", "t_m": [0.0, 0.01, 0.15], "sigma_t_m": 1e-3},
+    {"status": "free", "guess": {"t_m": [0.0, 0.01, 0.15]}},
+    {"status": "fixed", "t_m": [0.0, 0.01, 0.15]},
+])  # fmt: skip
+def test_offset_of_a_tip_is_a_point(offset):
+    """A stated offset is written as it was read: a position without a rotation."""
+    cell = touch_cell(tips={"eye_tip": {"on": "eye", "offset": offset}})
+    written = cell_to_dict(cell)
+    assert written["tips"] == {"eye_tip": {"on": "eye", "offset": offset}}
+    assert cell_to_dict(cell_from_dict(written)) == written
+
+
 def test_touches_round_trip():
     """Lines of touches of marks and of tips are read and written back unchanged."""
     for marks in (touch_data()["marks"], {}):

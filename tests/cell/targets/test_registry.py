@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import runpy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,6 +45,15 @@ def test_documented_targets_fit_in_hand(kind: TargetKindName) -> None:
     """Each target in the figures of the documentation is smaller than 0.3 m."""
     for shape in TARGETS[kind].figures.values():
         assert np.ptp(shape.points, axis=0).max() < 0.3
+
+
+@pytest.mark.parametrize("kind", TARGETS)
+def test_figures_of_documents_show_the_targets(kind: TargetKindName) -> None:
+    """The images in the documentation are those that docs/draw_targets.py draws."""
+    script = runpy.run_path(str(Path(__file__).parents[3] / "docs" / "draw_targets.py"))
+    for name, shape in TARGETS[kind].figures.items():
+        stored = (script["FIGURES"] / f"target_{name}.svg").read_text(encoding="utf-8")
+        assert stored == script["drawn"](shape), "draw the figures anew: python docs/draw_targets.py"
 
 
 @pytest.mark.parametrize("kind", TARGETS)

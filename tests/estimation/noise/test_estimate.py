@@ -17,6 +17,7 @@ from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom,
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.view.measurement import Noise
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -58,6 +59,20 @@ def test_unstated_sigmas_equal_those_of_residuals(rng):
         assert sigma == pytest.approx(np.sqrt(np.sum(off[:, part] ** 2) / 57), rel=2e-3)
     assert noise.converged
     assert noise.estimated == ("pose_m", "pose_rad")
+
+
+def test_sigmas_of_poses_and_points_are_separate(rng):
+    """Beside points a thousand times as exact, which determine the mount, poses lose no freedoms."""
+    errors = rng.normal(size=(20, 6)) * np.repeat([2e-3, 5e-4], 3)
+    problem, state = pose_problem(errors, None)
+    (group,) = problem.groups
+    corners, seen = np.eye(3), np.ones((20, 3), dtype=bool)
+    points = PointMeasurement(corners, corners + 1e-6 * rng.normal(size=(20, 3, 3)), seen, 0.0 * seen, 1.0 * seen)
+    both = problem.with_groups([group, replace(group, measurement=points)])
+    _, _, noise = estimate_noise(both, bundle_adjust(both, state, 1, 30), 30)
+    assert (noise.converged, noise.estimated) == (True, ("pose_m", "pose_rad", "point_m"))
+    assert noise.noise.pose_m == pytest.approx(np.sqrt(np.mean(errors[:, :3] ** 2)), rel=2e-3)
+    assert noise.noise.pose_rad == pytest.approx(np.sqrt(np.mean(errors[:, 3:] ** 2)), rel=2e-3)
 
 
 def test_prior_reduces_the_freedoms_of_unknowns(rng):

@@ -89,6 +89,17 @@ def test_best_consensus_has_most_views_within_noise(clean_solution):
             assert best_consensus(ends) is ends[best]
 
 
+@pytest.mark.parametrize(("ratio", "best"), [(1.9, 1), (2.1, 0)])
+def test_unstated_noise_of_results_is_compared_in_pixels(ratio, best):
+    """A result whose estimated noise is twice that of another comes after it, though each fits its own noise."""
+    made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
+    quiet = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
+    noise = quiet.noise.noise
+    louder = replace(quiet, noise=replace(quiet.noise, noise=noise._replace(pixel_px=ratio * noise.pixel_px)))
+    ends = [make_consensus(quiet, 7), replace(make_consensus(quiet, 10), solution=louder)]
+    assert best_consensus(ends) is ends[best]
+
+
 def test_consensus_within_stated_noise_is_preferred(clean_solution):
     """A result within the stated noise is preferred to one with more views that scatter by 1.6 sigmas."""
     stated = replace(clean_solution.problem, unstated=frozenset())

@@ -83,6 +83,13 @@ def test_few_views_of_a_strongly_distorted_lens():
     np.testing.assert_allclose(lens.focal, 772, rtol=0.05)
 
 
+@pytest.mark.parametrize("focal", [1050.0, 1090.0])
+def test_strong_distortion_is_not_taken_for_focal_length(focal):
+    """Five views of a board give the focal length to a hundredth, though straight lines bend by several pixels."""
+    distorted = Camera("pinhole", [focal, focal, 640.0, 360.0, -0.4, 0.04, 0.0, 0.0, 0.0], SIZE)
+    np.testing.assert_allclose(lens_from_views(ASKED, [views(distorted, 0.3, 5)]).focal, focal, rtol=0.01)
+
+
 def test_guess_is_centred_with_the_requested_width():
     """The principal point is in the middle of the pixel centres."""
     wide = guessed_lens(replace(ASKED, size_px=(641, 401)), 0.8)

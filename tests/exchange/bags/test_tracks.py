@@ -55,6 +55,18 @@ def test_stationary_arm_keeps_all_records(tmp_path: Path) -> None:
     assert len(track.times) == 4
 
 
+def test_stationary_arm_needs_no_common_stamps(tmp_path: Path) -> None:
+    """One of two frames that never move gives the times of an arm, though they never share a time stamp."""
+    writer = new_bag(tmp_path, "mcap")
+    for k in range(4):
+        writer.transforms("/tf", BEGIN_S + k * 0.1, {("base", "elbow"): POSES[1]})
+        writer.transforms("/tf", BEGIN_S + k * 0.1 + 0.03, {("elbow", "tool"): POSES[2]})
+    track = read(writer.close(), BagSources({"arm": ByFrames("base", "tool")})).robots["arm"]
+    assert len(track.times) == 4
+    assert track.poses is not None
+    np.testing.assert_allclose(track.poses[3].matrix, (POSES[1] @ POSES[2]).matrix, atol=1e-12)
+
+
 def test_dense_records_are_thinned(tmp_path: Path) -> None:
     """A thousand records per second are thinned to one per 7.5 ms; all image times are kept."""
     writer = new_bag(tmp_path, "mcap")

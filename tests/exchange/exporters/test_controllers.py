@@ -65,3 +65,18 @@ def test_mount_is_exported_for_carrying_robot() -> None:
         controllers_text(calibration, made, "cam_from_a_flange")
     with pytest.raises(RefusedCalibration):
         controllers_text(Calibration("refused"), made)
+
+
+def test_device_of_the_world_is_exported_for_its_own_base() -> None:
+    """A camera beside two robots is stated in the base that it was calibrated in, and not again for the other robot."""
+    robots = {name: Robot(name, controller={"format": "abb"}) for name in ("a", "b")}
+    made = Cell("a", robots, cameras={"hall": CellCamera("hall", "world")})
+    known = dict.fromkeys(("a_base_from_b_base", "a_base_from_hall"), ESTIMATE)
+    calibration = Calibration("good", known, dict.fromkeys(known, "free"))
+    text = controllers_text(calibration, made, "a_base_from_hall")
+    assert "for a, in the frame" in text
+    assert "for b, in the frame" not in text
+    both = controllers_text(calibration, made, "a_base_from_b_base")
+    assert ("for a, in the frame" in both, "for b, in the frame" in both) == (True, True)
+    with pytest.raises(InputError, match="no transform is in the base or flange of a robot"):
+        controllers_text(calibration, made, "hall_from_a_base")

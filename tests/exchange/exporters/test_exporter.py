@@ -16,6 +16,7 @@ from basecal.exchange.controller_poses import PoseFormat, read_controller_poses
 from basecal.exchange.exporters.exporter import export, pasteable
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.exporter import ExportOption
+from basecal.geometry import SE3, PoseEstimate
 from export_example import BASE, CALIBRATION, CELL, INVERSE, POINT, all_poses
 
 OF_TRANSFORMS = [kind for kind, each in EXPORTERS.items() if {*each.options} & {"transform", "urdf"} == {"transform"}]
@@ -95,6 +96,16 @@ def test_exported_controller_poses_are_imported_again(kind, tmp_path):
         np.testing.assert_allclose(row.robots["eye"].base_from_flange.matrix, CALIBRATION[BASE].mean.matrix, atol=2e-6)
 
 
+@pytest.mark.parametrize("kind", [kind for kind, each in EXPORTERS.items() if each.is_pasted])
+def test_zero_has_no_sign(kind):
+    """Zeros of either sign, as of a base that is not rotated, are written as zero in every text to paste."""
+    signed = PoseEstimate(SE3(np.where(np.eye(3) > 0, 1.0, -0.0), np.array([-0.0, 0.25, -0.0])), 1e-8 * np.eye(6))
+    calibration = replace(CALIBRATION, transforms={**CALIBRATION.transforms, BASE: signed})
+    for name in (BASE, INVERSE):
+        text = export(calibration, kind, name, cell=CELL)
+        assert re.findall(r"(?<![\w.])-0(?:\.0*)?(?![\w.])", text) == []
+
+
 def test_pasteable_texts_equal_exports():
     """Texts are keyed by transform in both directions, then by kind; points have none, and JSON can hold all."""
     texts = pasteable(CALIBRATION, CELL, "20260102T030405Z")
@@ -102,5 +113,7 @@ def test_pasteable_texts_equal_exports():
     assert POINT not in texts
     for kind, text in texts[INVERSE].items():
         assert text == export(CALIBRATION, kind, INVERSE, cell=CELL, run="20260102T030405Z")
-    assert {"ur", "kuka", "abb", "fanuc", "ros2", "matrix", "json"} <= texts[BASE].keys()
+    in_programs = {"ur", "kuka", "abb", "fanuc"}
+    in_files = {"ros", "ros2", "matrix", "json", "csv", "opencv", "mujoco"}
+    assert in_programs | in_files <= texts[BASE].keys()
     assert json.loads(json.dumps(texts)) == texts

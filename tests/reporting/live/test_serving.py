@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from basecal.errors import InputError
+from basecal.reporting.live import serving as module
 from basecal.reporting.live.serving import HOST, TIMEOUT_S, Answer, serving
 
 ROUTES = {
@@ -115,3 +116,11 @@ def test_faulty_clients_do_not_block_others():
         socket.create_connection((HOST, at.port)).close()
     for line in frozen[1::2]:
         line.close()
+
+
+def test_silent_client_is_disconnected(monkeypatch):
+    """A client that sends nothing is disconnected after the timeout, which is well below a minute."""
+    assert module._Handler.timeout < 30
+    monkeypatch.setattr(module._Handler, "timeout", 0.05)
+    with serving(ROUTES) as address, socket.create_connection((HOST, urlsplit(address).port), 20) as line:
+        assert line.recv(1) == b""

@@ -177,6 +177,12 @@ def test_blur_estimate_matches_image(noise: float, share: float) -> None:
     assert (found == 0) == (share == 0)
 
 
+@pytest.mark.parametrize(("noise", "spread", "share", "limit"), [(1.0, 0.4, -0.9, -0.5), (4.0, 3.5, 0.0, 3.0)])
+def test_blur_estimate_is_that_of_a_camera(noise: float, spread: float, share: float, limit: float) -> None:
+    """Cameras soften an image by at most half, and sharpen it by at most three; stronger estimates are limited."""
+    assert _estimate_blur(board(noise, spread, share), saddle, PLACES, AXES, WINDOW)[1] == limit
+
+
 def test_blur_estimate_without_corners_has_defaults() -> None:
     """The defaults are a spread of a pixel and no sharpening."""
     assert _estimate_blur(np.full((220, 260), 100.0), saddle, PLACES, AXES, WINDOW).tolist() == [0.0, 0.0]

@@ -180,6 +180,12 @@ def test_spot_requires_quarter_of_brightest_height(height: int, count: int) -> N
     assert len(_bright_spots(gaussians((40, 60, 4000, 2.0), (110, 60, height, 2.0)))) == count
 
 
+def test_faint_spot_in_an_image_without_noise_is_found() -> None:
+    """On a uniform background a spot of four levels is enough."""
+    (place,) = _bright_spots(100 + gaussians((50.3, 40.8, 4, 3.0)))
+    assert (place.x, place.y) == (pytest.approx(50.3, abs=1.1), pytest.approx(40.8, abs=1.1))
+
+
 @pytest.mark.parametrize(("side", "count"), [(44, 1), (56, 0)])
 def test_large_bright_areas_are_not_spots(side: int, count: int) -> None:
     """Windows and walls are too large for a spot."""

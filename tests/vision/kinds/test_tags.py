@@ -8,7 +8,8 @@ import pytest
 from basecal.cell.targets.aprilgrid import aprilgrid_target
 from basecal.geometry import SE3
 from basecal.vision.draw.render import RenderSettings
-from basecal.vision.kinds.tags import detect
+from basecal.vision.kinds import tags as module
+from basecal.vision.kinds.tags import _FoundTags, _grow_grid, _Search, detect
 from vision_scenes import DARK, STRAIGHT, TARGETS, WIDE, at, check_poor_image, scene
 
 SHAPE = TARGETS["tags"]
@@ -43,3 +44,25 @@ def test_tags_of_other_family_are_not_detected() -> None:
     """Tags of another family, and a target without tags, give no detection."""
     assert detect(scene(SHAPE), TARGETS["aruco"]) is None
     assert detect(scene(SHAPE), TARGETS["chessboard"]) is None
+
+
+def test_missing_tags_are_searched_outwards(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From one tag of a grid its neighbours are searched, then theirs, each where the plane of known tags has it."""
+    assert GRID.tags is not None
+    corners = GRID.points[GRID.rows(GRID.tags.corner_ids.ravel()), :2].reshape(-1, 4, 2) * 1000 + 50
+    rounds: list[list[int]] = []
+
+    def found(rows: np.ndarray, quads: np.ndarray) -> _FoundTags:
+        return _FoundTags(rows, quads, np.ones(quads.shape[:2]), np.ones(quads.shape[:2], dtype=bool))
+
+    def fit(search: _Search, rows: np.ndarray, quads: np.ndarray) -> _FoundTags:
+        rounds.append(rows.tolist())
+        np.testing.assert_allclose(quads, corners[rows], atol=1e-2)
+        return found(rows, quads)
+
+    monkeypatch.setattr(module, "_fit_quads", fit)
+    first = found(np.array([0]), corners[:1])
+    grown = _grow_grid(_Search(np.zeros((9, 9), np.uint8), GRID.tags, 8, 1), GRID, first)
+    ring = [max(row // 5, row % 5) for row in range(20)]
+    assert rounds == [[row for row in range(20) if ring[row] == k] for k in (1, 2, 3, 4)]
+    assert sorted(grown.rows.tolist()) == list(range(20))
