@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from basecal.cell import Unknown
+from basecal.estimation import joint_state as module
 from basecal.estimation.joint_state import joint_state
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve
@@ -27,6 +30,22 @@ def test_ring_of_few_views_starts_near_the_truth(seed: int) -> None:
     assert state is not None
     off = [(made.truth[name].inverse() @ state.transforms[name]).log()[3:] for name in problem.unknowns]
     assert np.degrees(np.abs(off).max()) < 5
+
+
+@pytest.mark.parametrize(("robots", "starts"), [(12, 100), (20, 39)])
+def test_starts_of_many_arms_are_fewer(robots, starts, monkeypatch) -> None:
+    """The Hessians of all starts take at most 40 MB."""
+    made = simulate(Scenario(layout="ring", robots=robots, samples=2 * robots, target="pose"), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    counts = []
+
+    def first_start(_, states, **options):
+        counts.extend({len(pose) for pose in states.transforms.values()})
+        return SimpleNamespace(best_state=states)
+
+    monkeypatch.setattr(module, "bundle_adjust_batch", first_start)
+    module.joint_state(problem, made.cell)
+    assert counts == [starts]
 
 
 @pytest.mark.journey

@@ -22,6 +22,8 @@ from basecal.geometry import SE3
 _MOST_VIEWS, _MOST_POINTS = 100, 40  # most views and points per pair; assumed: bounds the time
 # For the worst of twenty rings, one start in sixteen finds the optimum: all starts miss it in 0.2 % of cases.
 _START_COUNT = 100
+# Numbers in the Hessians of all starts, 40 MB: rings of twelve arms have all starts, rings of a hundred have one.
+_MOST_HESSIAN_NUMBERS = 5_000_000
 _SEED = 1  # any seed works
 _CONVERGED_SIGMAS = 0.1  # convergence tolerance: a further descent starts from the best end
 
@@ -39,7 +41,8 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
     if len(pairs) < 2 or any(pair.candidates is None for pair in pairs):
         return None
     pose_problem = _pose_problem(problem, pairs)
-    known, count = known_transforms(problem), _START_COUNT
+    width = sum(column.stop - column.start for column in pose_problem.columns.values())
+    known, count = known_transforms(problem), max(1, min(_START_COUNT, _MOST_HESSIAN_NUMBERS // max(1, width**2)))
     quaternions = np.random.default_rng(_SEED).normal(size=(len(problem.unknowns), count, 4))
     quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
     starts = {
