@@ -311,7 +311,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ]
     print(f"{_sound_text(cells)}\n\n{format_table(cells)}")
     parts = {_PARTS.get(name, name) for name in DESIGNS}
-    write("scene", {key: part_cells for key, part_cells in read("scene").items() if key in parts} | {part: cells})
+    stored = {key: part_cells for key, part_cells in read("scene").items() if key in parts}
+    if len(cells) < len(stored.get(part, ())):
+        print("not written: results/scene.json has more cells")
+    else:
+        write("scene", stored | {part: cells})
     return 0
 
 
