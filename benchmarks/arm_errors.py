@@ -273,6 +273,7 @@ errors of {PIXEL_PX:g} px, and joints stop up to {1e6 * STOP_RAD:g} microradians
 - `sigmas` is the size of the error: so many sigmas move an answer that ignores it, with all noise known.
 - A perfect test knows all noise, tests only for parameters of that kind, and has a false-alarm probability of
   {CHANCE:g}. No test of these recordings finds more.
+- `named first` counts warnings and errors. Errors of links that the covariance contains are named as an info.
 - `own sigmas` is the error of the answer in the sigmas that it states. 2.3 is right."""
     return f"{about}\n\n{format_table(result['rows'])}"
 
