@@ -212,11 +212,14 @@ def view_sums(model: Linearised, candidates: Candidates) -> Sums:
     b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
     across = np.zeros((b, q, len(model.gradient)))
-    stops = _moved_stops(model, candidates)
+    moved = [
+        (views, moves)
+        for views, moves in zip(model.views, candidates.moves, strict=True)
+        if moves is not None and moves.any()  # of a hundred robots, an error moves the views of a few
+    ]
+    stops = np.unique(np.concatenate([np.zeros(0, np.int64), *(part.stop for of, _ in moved for part in of.shared)]))
     tied = np.zeros((len(stops), 6, b, q))
-    for views, moves in zip(model.views, candidates.moves, strict=True):
-        if moves is None:
-            continue
+    for views, moves in moved:
         own = views.information[:, :6, :6]
         carried = own[:, None] @ moves
         gradient += np.tensordot(views.gradient[:, :6], moves, ((0, 1), (0, 2)))
@@ -237,9 +240,3 @@ def view_sums(model: Linearised, candidates: Candidates) -> Sums:
         of_stops = np.moveaxis(flat.reshape(-1, b, q), 0, 1)
         information -= of_stops.mT @ np.moveaxis(model.system.solve_stops(stops, flat).reshape(-1, b, q), 0, 1)
     return Sums(gradient, across, information)
-
-
-def _moved_stops(model: Linearised, candidates: Candidates) -> IntArray:
-    """Shared stops of the views that candidates move, (m,): few of those of a hundred robots."""
-    moved = (views.shared for views, moves in zip(model.views, candidates.moves, strict=True) if moves is not None)
-    return np.unique(np.concatenate([np.zeros(0, np.int64), *(part.stop for parts in moved for part in parts)]))
