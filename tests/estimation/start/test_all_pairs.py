@@ -198,6 +198,11 @@ def test_pairs_that_fit_badly_are_searched(ring, rng, monkeypatch, ratio, is_sea
     assert misfit[4] == pytest.approx(all_pairs._misfit(bad, found[4]))
 
 
+def test_pairs_without_a_fit_are_wrong() -> None:
+    """Pairs without a finite misfit place no base, even if they are most of the pairs."""
+    assert all_pairs._is_wrong(np.array([np.inf, np.inf, np.inf, 1e-3])).tolist() == [True, True, True, False]
+
+
 def test_misfit_of_a_pair_is_a_median_angle(rng) -> None:
     """The misfit is the median angle of a pair's views.
 

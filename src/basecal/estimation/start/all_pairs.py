@@ -42,11 +42,12 @@ def place_by_pairs(
         return {}
     posed_pairs = [s for s in pairs if s.candidates is not None and s.group.eye.base != s.group.hand.base]
     triples, misfit = _refine_pairs([_make_refinement(problem, s, transforms, known_names) for s in posed_pairs])
+    is_wrong = _is_wrong(misfit)
     mounts, relations = dict[str, SE3](), dict[tuple[str | None, str | None], SE3]()
     for k in np.argsort(-misfit):  # the best last, so that it overwrites the others
         eye, hand = posed_pairs[k].group.ends
         mounts[eye.mount], relation, mounts[hand.mount] = triples[k]
-        if not _is_wrong(misfit)[k]:
+        if not is_wrong[k]:
             relations[eye.base, hand.base] = relation
     placed = place_bases({}, relations)
     if placed.keys() < bases:
@@ -73,8 +74,8 @@ def _refine_pairs(requests: Sequence[Refinement]) -> tuple[list[Triple], Array]:
 
 
 def _is_wrong(misfit: Array) -> BoolArray:
-    """Pairs whose misfit noise does not cause, (pairs,)."""
-    return np.asarray(misfit > _WRONG_RATIO * np.median(misfit))
+    """Pairs whose misfit noise does not cause, (pairs,); those without a finite misfit are among them."""
+    return np.asarray((misfit > _WRONG_RATIO * np.median(misfit)) | np.isinf(misfit))
 
 
 def _make_refinement(
